@@ -1,0 +1,1 @@
+"""Point cloud registration by diffusion: the library."""

@@ -1,0 +1,1 @@
+"""Raw data sets, and how pairs are made from them."""

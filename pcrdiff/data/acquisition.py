@@ -1,0 +1,291 @@
+"""Getting hold of a data set: a manifest of a local folder, or archives from the network."""
+
+import hashlib
+import json
+import os
+import shutil
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from http.client import HTTPException, HTTPResponse
+from itertools import count
+from pathlib import Path, PurePosixPath
+from typing import Any, Literal
+from urllib.error import HTTPError
+from urllib.parse import urlsplit
+from urllib.request import Request, urlopen
+
+from pcrdiff.progress import Progress, silent
+
+Source = Literal["synthetic", "local", "download"]
+MANIFEST = "manifest.json"
+SCHEMA = 1
+CHUNK_BYTES = 1 << 20
+TIMEOUT_SECONDS = 30.0
+
+
+@dataclass(frozen=True)
+class Archive:
+    """A public zip archive."""
+
+    url: str
+    sha256: str | None
+    """Its digest in hexadecimal; ``None`` where the user has yet to learn it."""
+
+
+def refuse_download(dataset: str) -> None:
+    """Refuse to download what may be had only by an account of one's own.
+
+    Raises:
+        ValueError: The data set is KITTI.
+    """
+    if dataset.startswith("kitti"):
+        raise ValueError(
+            "KITTI cannot be downloaded without your own account at www.cvlibs.net: get the "
+            "odometry velodyne scans, calibration and poses there, unpack them, and use "
+            "`source: local` with that folder"
+        )
+
+
+# The manifest.
+
+
+def write_manifest(
+    root: Path, out: Path, *, source: Source, base: Path = Path(), progress: Progress = silent
+) -> None:
+    """Write ``out/manifest.json``: each file below ``root`` with its size and sha256.
+
+    Nothing is copied. The root is written as it was given, so a relative one stays relative and
+    means the same on another machine.
+
+    Args:
+        root: The data set's folder; ``out`` itself unless ``source`` is ``local``. Links to files
+            and folders are followed.
+        out: Where the manifest goes; made if absent.
+        source: How the data set came here.
+        base: What a relative root is relative to: the project's own folder.
+        progress: Watches the files being hashed.
+
+    Raises:
+        FileNotFoundError: No such folder.
+        ValueError: The folder holds no file.
+    """
+    folder = base / root.expanduser()
+    if not folder.is_dir():
+        raise FileNotFoundError(f"a {source} data set needs its folder, {root} is not one")
+    paths = _list_files(folder, skip=out / MANIFEST)
+    if not paths:
+        raise ValueError(f"a {source} data set needs at least one file, {root} holds none")
+    files = [
+        {
+            "path": path.relative_to(folder).as_posix(),
+            "size": path.stat().st_size,
+            "sha256": _hash_file(path),
+        }
+        for path in progress(paths, f"hashing {root.name}")
+    ]
+    manifest = {
+        "schema": SCHEMA,
+        "source": source,
+        "root": str(root) if source == "local" else ".",
+        "files": files,
+    }
+    out.mkdir(parents=True, exist_ok=True)
+    partial = out / f".{MANIFEST}.part"
+    partial.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+    partial.replace(out / MANIFEST)
+
+
+def _list_files(folder: Path, skip: Path) -> list[Path]:
+    found = (
+        Path(place) / name
+        for place, _, names in os.walk(folder, followlinks=True)
+        for name in names
+    )
+    kept = (path for path in found if path.is_file() and path.absolute() != skip.absolute())
+    return sorted(kept, key=lambda path: path.relative_to(folder).as_posix())
+
+
+def _hash_file(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_manifest(folder: Path, *, base: Path) -> Path:
+    """Find the data set that a manifest describes, and check that it is still what it was.
+
+    Args:
+        folder: The folder that holds ``manifest.json``.
+        base: What a relative local root is relative to: the project's own folder.
+
+    Returns:
+        The data set's folder: ``folder`` itself, or the local root.
+
+    Raises:
+        FileNotFoundError: The manifest, the root or one of its files is gone.
+        ValueError: The manifest is not one, or a file has another size than it says.
+    """
+    path = folder / MANIFEST
+    if not path.is_file():
+        raise FileNotFoundError(f"a data set needs its manifest {path}, run its acquire stage")
+    manifest = _load_manifest(path)
+    local = manifest["source"] == "local"
+    root = base / Path(manifest["root"]).expanduser() if local else folder
+    if not root.is_dir():
+        raise FileNotFoundError(f"{path} needs the data set's folder {root}, which is gone")
+    for entry in manifest["files"]:
+        file = root / entry["path"]
+        if not file.is_file():
+            raise FileNotFoundError(f"{path} needs {file}, which is gone")
+        if file.stat().st_size != entry["size"]:
+            raise ValueError(
+                f"{path} needs {file} with {entry['size']} bytes, it has {file.stat().st_size}: "
+                "run the acquire stage again if that is meant"
+            )
+    return root
+
+
+def read_source(folder: Path) -> tuple[str, str]:
+    """How the data set of a manifest came here, and one sha256 over all its files."""
+    manifest = _load_manifest(folder / MANIFEST)
+    digests = "".join(f"{entry['path']} {entry['sha256']}\n" for entry in manifest["files"])
+    return manifest["source"], hashlib.sha256(digests.encode()).hexdigest()
+
+
+def _load_manifest(path: Path) -> dict[str, Any]:
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path} needs to be JSON, got: {error}") from error
+    keys = {"schema", "source", "root", "files"}
+    if not isinstance(manifest, dict) or not keys <= manifest.keys():
+        raise ValueError(f"{path} needs to be a manifest with {', '.join(sorted(keys))}")
+    if manifest["schema"] != SCHEMA:
+        raise ValueError(f"{path} needs schema {SCHEMA}, got {manifest['schema']}")
+    return manifest
+
+
+# Archives from the network.
+
+
+def download_archives(
+    archives: Sequence[Archive], out: Path, *, cache: Path, progress: Progress = silent
+) -> None:
+    """Download zip archives, verify them all, and unpack them side by side into ``out``.
+
+    A download that was cut goes on where it stopped when this is called again. ``out`` is replaced
+    as a whole at the end, or not touched at all.
+
+    Args:
+        archives: What to download; their digests decide whether they are used.
+        out: The folder to make.
+        cache: Where whole and half archives stay between calls.
+        progress: Watches the chunks of each archive, and the archives being unpacked.
+
+    Raises:
+        ConnectionError: A server refused, or the download was cut, or the disk is full.
+        ValueError: No archive, a digest that is missing (the message gives what was found) or
+            wrong (the archive is removed), no zip, or one that would write outside ``out``.
+        OSError: ``out`` cannot be written.
+    """
+    if not archives:
+        raise ValueError(f"download_archives needs an archive for {out}, got none")
+    paths = [_fetch(archive.url, cache, progress) for archive in archives]
+    _verify(archives, paths)
+    staging = out.with_name(f".{out.name}.part")
+    shutil.rmtree(staging, ignore_errors=True)
+    try:
+        staging.mkdir(parents=True)
+        for path in progress(paths, f"unpacking {out.name}"):
+            _unpack(path, staging)
+        if out.exists():
+            shutil.rmtree(out)
+        staging.replace(out)
+    except OSError as error:
+        raise OSError(f"unpacking into {out} failed, it stays as it was: {error}") from error
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def _fetch(url: str, cache: Path, progress: Progress) -> Path:
+    """Give the whole archive in the cache, downloading what is not there yet."""
+    parts = urlsplit(url)
+    if parts.scheme not in ("http", "https"):
+        raise ValueError(f"download_archives needs http or https, got {url!r}")
+    cache.mkdir(parents=True, exist_ok=True)
+    key = hashlib.sha256(url.encode()).hexdigest()[:8]  # two hosts may use one file name
+    path = cache / f"{key}-{PurePosixPath(parts.path).name}"
+    if not path.is_file():
+        part = path.with_name(f"{path.name}.part")
+        _download(url, part, progress)
+        part.replace(path)
+    return path
+
+
+def _download(url: str, part: Path, progress: Progress) -> None:
+    held = part.stat().st_size if part.is_file() else 0
+    headers = {"User-Agent": "pcrdiff"} | ({"Range": f"bytes={held}-"} if held else {})
+    try:
+        with urlopen(Request(url, headers=headers), timeout=TIMEOUT_SECONDS) as response:
+            _receive(response, part, held, progress)
+    except HTTPError as error:
+        if error.code == 416 and held:  # nothing after what is held: it was whole, or is stale
+            part.unlink()
+            return _download(url, part, progress)
+        raise ConnectionError(
+            f"{url} cannot be downloaded, the server answered {error.code} {error.reason}"
+        ) from error
+    except (HTTPException, OSError) as error:  # refused, timed out, cut, disk full
+        held = part.stat().st_size if part.is_file() else 0
+        raise ConnectionError(
+            f"{url} was cut after {held} bytes ({getattr(error, 'reason', error)}), "
+            f"run again to go on from there; they are kept as {part}"
+        ) from error
+
+
+def _receive(response: HTTPResponse, part: Path, held: int, progress: Progress) -> None:
+    """Append what the server sends, or start anew where it ignored the range."""
+    resumes = response.headers.get("Content-Range", "").startswith(f"bytes {held}-")
+    length = response.headers.get("Content-Length")
+    chunks = range(-(-int(length) // CHUNK_BYTES)) if length else None
+    received = 0
+    with part.open("ab" if resumes else "wb") as file:
+        for _ in count() if chunks is None else progress(chunks, f"downloading {part.stem}"):
+            chunk = response.read(CHUNK_BYTES)
+            if not chunk:
+                break
+            received += file.write(chunk)
+    if length and received < int(length):
+        raise ConnectionError(f"{int(length) - received} bytes missing")
+
+
+def _verify(archives: Sequence[Archive], paths: Sequence[Path]) -> None:
+    """Refuse the archives unless each has the digest it is asked to have."""
+    found = [
+        (archive, path, _hash_file(path)) for archive, path in zip(archives, paths, strict=True)
+    ]
+    for archive, path, actual in found:
+        if archive.sha256 is not None and archive.sha256.lower() != actual:
+            path.unlink()
+            raise ValueError(
+                f"{archive.url} needs sha256 {archive.sha256}, got {actual}: it was removed"
+            )
+    unknown = [f"{archive.url} {actual}" for archive, _, actual in found if archive.sha256 is None]
+    if unknown:
+        raise ValueError(
+            "download_archives needs a sha256 for each archive; put these into the params once you "
+            f"have checked them (nothing is downloaded twice): {', '.join(unknown)}"
+        )
+
+
+def _unpack(path: Path, folder: Path) -> None:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = [name for name in archive.namelist() if not name.startswith("__MACOSX/")]
+            for name in members:
+                place = PurePosixPath(name.replace("\\", "/"))
+                if place.is_absolute() or ".." in place.parts or ":" in place.parts[0]:
+                    raise ValueError(f"{path} needs members inside its own folder, got {name!r}")
+            archive.extractall(folder, members)
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        raise ValueError(f"{path} needs to be a plain zip archive, got: {error}") from error

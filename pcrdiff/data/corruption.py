@@ -1,0 +1,68 @@
+"""What is done to a cloud before it becomes one side of a pair: one function each."""
+
+import numpy as np
+import torch
+from jaxtyping import Float64
+
+from pcrdiff.geometry.rigid import from_parts
+from pcrdiff.geometry.rotation import matrix_from_euler
+
+Cloud = Float64[np.ndarray, "points 3"]
+
+
+def draw_pose(
+    max_rotation: float, max_translation: float, *, generator: np.random.Generator
+) -> Float64[np.ndarray, "4 4"]:
+    """A random T_target_source, by the paper's protocol (Sec. 4.1).
+
+    Args:
+        max_rotation: Each Euler angle is uniform in [0, this], in radians.
+        max_translation: Each coordinate is uniform in [0, this], in the cloud's unit.
+        generator: Source of randomness.
+    """
+    angles = torch.from_numpy(generator.uniform(0, max_rotation, 3))
+    translation = torch.from_numpy(generator.uniform(0, max_translation, 3))
+    pose: Float64[np.ndarray, "4 4"] = from_parts(matrix_from_euler(angles), translation).numpy()
+    return pose
+
+
+def jitter(
+    points: Cloud, deviation: float, clip: float, *, generator: np.random.Generator
+) -> Cloud:
+    """Add normal noise to every coordinate, clipped at ``clip``; lengths in the cloud's unit."""
+    noise = generator.normal(0.0, deviation, points.shape)
+    return points + np.clip(noise, -clip, clip)
+
+
+def crop(points: Cloud, keep: float, *, generator: np.random.Generator) -> Cloud:
+    """Keep the share ``keep`` of the points that lies furthest along a random direction.
+
+    The half-space crop of Yew & Lee (2020); ``ceil(keep * points)`` points remain.
+
+    Raises:
+        ValueError: ``keep`` is not in (0, 1].
+    """
+    if not 0 < keep <= 1:
+        raise ValueError(f"crop needs keep in (0, 1], got {keep}")
+    direction = generator.normal(size=3)
+    order = np.argsort(points @ direction, kind="stable")
+    kept = np.sort(order[len(points) - int(np.ceil(keep * len(points))) :])
+    return points[kept]
+
+
+def shuffle(points: Cloud, *, generator: np.random.Generator) -> Cloud:
+    """The same points in a random order."""
+    return generator.permutation(points)
+
+
+def unit_sphere(points: Cloud) -> tuple[Float64[np.ndarray, "3"], float]:
+    """Centre (the mean) and scale (the largest distance from it) of a cloud.
+
+    Raises:
+        ValueError: All points are one.
+    """
+    centre = points.mean(axis=0)
+    scale = float(np.linalg.norm(points - centre, axis=-1).max())
+    if scale == 0:
+        raise ValueError(f"unit_sphere needs a cloud with extent, got {len(points)} equal points")
+    return centre, scale

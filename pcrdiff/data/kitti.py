@@ -1,0 +1,175 @@
+"""KITTI odometry: lidar scans of a driving car, and the car's poses."""
+
+from collections.abc import Sequence
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64
+
+from pcrdiff.data.raw import Cloud, RawItem, RecordedPair, check_cloud, check_rigid
+
+BYTES_PER_POINT = 16
+"""x, y, z and reflectance as little-endian float32."""
+SEQUENCES_WITH_POSES = 11
+"""The official data set publishes the poses of sequences 00 to 10; 11 to 21 have none."""
+FARTHEST = 2.0
+"""A pair lies at most this many times ``min_distance`` apart: scans may be missing between."""
+
+
+def read_items(root: Path) -> list[RawItem]:
+    """List the scans ``sequences/NN/velodyne/NNNNNN.bin`` in the order of their numbers.
+
+    Args:
+        root: The folder that holds ``sequences/``, or the one whose ``dataset/`` does.
+
+    Returns:
+        One item per scan: x, y, z in metres in the lidar's frame (x ahead, z up), without the
+        reflectance; ``name`` is ``NN/NNNNNN``, ``group`` the sequence; there is no split.
+
+    Raises:
+        FileNotFoundError: No such folder, or no scan in it.
+    """
+    folder = _find_dataset(root)
+    paths = sorted(folder.glob("sequences/[0-9][0-9]/velodyne/[0-9]*.bin"))
+    if not paths:
+        raise FileNotFoundError(
+            f"KITTI needs sequences/00/velodyne/000000.bin, {folder} holds no scan"
+        )
+    return [
+        RawItem(
+            name=f"{path.parent.parent.name}/{path.stem}",
+            group=path.parent.parent.name,
+            split=None,
+            read=partial(read_scan, path),
+        )
+        for path in paths
+    ]
+
+
+def _find_dataset(root: Path) -> Path:
+    for folder in (root, root / "dataset"):
+        if (folder / "sequences").is_dir():
+            return folder
+    raise FileNotFoundError(f"KITTI needs a folder `sequences` or `dataset/sequences` in {root}")
+
+
+def read_scan(path: Path) -> Cloud:
+    """Read one lidar scan: x, y, z in metres in the lidar's frame.
+
+    Raises:
+        FileNotFoundError: No such file.
+        ValueError: A size that is no multiple of 16 bytes, no point, or one that is not finite.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"KITTI needs the scan {path}, which is missing")
+    size = path.stat().st_size
+    if size % BYTES_PER_POINT != 0:
+        raise ValueError(
+            f"{path} needs {BYTES_PER_POINT} bytes per point, its {size} bytes are "
+            f"{size % BYTES_PER_POINT} more than a whole number of points"
+        )
+    return check_cloud(np.fromfile(path, dtype="<f4").reshape(-1, 4)[:, :3], str(path))
+
+
+def read_pairs(root: Path, *, min_distance: float = 10.0) -> list[RecordedPair]:
+    """Pair each scan with the next one the car took at least ``min_distance`` away.
+
+    The published poses are of the left camera, so both scans go through ``Tr``, which carries the
+    lidar's frame into the camera's: ``T_world_lidar = T_world_camera @ T_camera_lidar``. Where scans
+    are missing, and the next one lies more than twice ``min_distance`` away, there is no pair.
+    The poses are GPS and inertia, not registration: over the first scans of sequence 00 a pair's
+    is off by about a metre, as the scans themselves show; the field refines them by ICP.
+
+    Args:
+        root: As for ``read_items``.
+        min_distance: Metres between the two places of the lidar.
+
+    Returns:
+        Pairs in the order of their sources; ``group`` is the sequence. Pairs of neighbouring
+        sources see nearly the same street: keep every tenth for independent ones.
+
+    Raises:
+        FileNotFoundError: A sequence from 00 to 10 lacks its ``calib.txt`` or ``poses/NN.txt``, or
+            none of the sequences has poses.
+        ValueError: ``Tr`` is missing or not rigid, so is a pose, or there are fewer poses than
+            scans.
+    """
+    if not min_distance > 0:
+        raise ValueError(f"read_pairs needs min_distance > 0, got {min_distance}")
+    folder = _find_dataset(root)
+    sequences = [
+        (sequence, [item.name for item in items])
+        for sequence, items in groupby(read_items(root), key=lambda item: item.group)
+        if int(sequence) < SEQUENCES_WITH_POSES or (folder / f"poses/{sequence}.txt").is_file()
+    ]
+    if not sequences:
+        raise FileNotFoundError(
+            f"KITTI needs {folder / 'poses'}/NN.txt to pair scans, none of its sequences has one"
+        )
+    return [
+        pair
+        for sequence, names in sequences
+        for pair in _pair_scans(names, _read_lidar_poses(folder, sequence, names), min_distance)
+    ]
+
+
+def _pair_scans(
+    names: Sequence[str], poses: Float64[np.ndarray, "scans 4 4"], min_distance: float
+) -> list[RecordedPair]:
+    """Pair scans by the distance of their places; ``poses`` are ``T_world_lidar``."""
+    pairs = []
+    for source, T_world_source in enumerate(poses):
+        distances = np.linalg.norm(poses[source:, :3, 3] - T_world_source[:3, 3], axis=1)
+        target = source + int((distances >= min_distance).argmax())
+        if min_distance <= distances[target - source] <= FARTHEST * min_distance:
+            T_target_source = np.linalg.inv(poses[target]) @ T_world_source
+            pairs.append(
+                RecordedPair(
+                    source=names[source],
+                    target=names[target],
+                    T_target_source=check_rigid(T_target_source, f"pose of {names[source]}"),
+                    group=names[source].partition("/")[0],
+                )
+            )
+    return pairs
+
+
+def _read_lidar_poses(
+    folder: Path, sequence: str, names: Sequence[str]
+) -> Float64[np.ndarray, "scans 4 4"]:
+    """Read ``T_world_lidar`` of each scan; the world is where the camera was at first."""
+    T_camera_lidar = _read_T_camera_lidar(folder / "sequences" / sequence / "calib.txt")
+    path = folder / "poses" / f"{sequence}.txt"
+    if not path.is_file():
+        raise FileNotFoundError(f"KITTI needs the poses {path} to pair scans, which is missing")
+    rows = [line for line in path.read_text().splitlines() if line.strip()]
+    numbers = [int(name.partition("/")[2]) for name in names]
+    if max(numbers) >= len(rows):
+        raise ValueError(
+            f"{path} needs a pose for scan {max(numbers):06d}, it has only {len(rows)} poses"
+        )
+    poses = [_read_pose(rows[number], f"{path}, line {number + 1},") for number in numbers]
+    T_world_lidar: Float64[np.ndarray, "scans 4 4"] = np.stack(poses) @ T_camera_lidar
+    return T_world_lidar
+
+
+def _read_T_camera_lidar(path: Path) -> Float64[np.ndarray, "4 4"]:
+    if not path.is_file():
+        raise FileNotFoundError(f"KITTI needs the calibration {path} to pair scans, it is missing")
+    for line in path.read_text().splitlines():
+        key, _, values = line.partition(":")
+        if key.strip() in ("Tr", "Tr_velo_to_cam"):
+            return _read_pose(values, f"{path}, line {key.strip()!r},")
+    raise ValueError(f"{path} needs a line `Tr:` or `Tr_velo_to_cam:`, it has none")
+
+
+def _read_pose(text: str, where: str) -> Float64[np.ndarray, "4 4"]:
+    try:
+        values = np.array(text.split(), dtype=np.float64)
+    except ValueError as error:
+        raise ValueError(f"{where} needs 12 numbers, got: {error}") from error
+    if values.shape != (12,):
+        raise ValueError(f"{where} needs 12 numbers, got {len(values)}")
+    return check_rigid(np.vstack([values.reshape(3, 4), [0, 0, 0, 1]]), where)

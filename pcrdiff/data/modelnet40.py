@@ -1,0 +1,229 @@
+"""ModelNet40 in each of its three official layouts."""
+
+from collections.abc import Callable
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Literal
+
+import h5py
+import numpy as np
+from jaxtyping import Float, Int64
+
+from pcrdiff.data.off import read_off
+from pcrdiff.data.raw import Cloud, RawItem, check_cloud
+
+CATEGORIES: tuple[str, ...] = (
+    "airplane", "bathtub", "bed", "bench", "bookshelf", "bottle", "bowl", "car", "chair", "cone",
+    "cup", "curtain", "desk", "door", "dresser", "flower_pot", "glass_box", "guitar", "keyboard",
+    "lamp", "laptop", "mantel", "monitor", "night_stand", "person", "piano", "plant", "radio",
+    "range_hood", "sink", "sofa", "stairs", "stool", "table", "tent", "toilet", "tv_stand", "vase",
+    "wardrobe", "xbox",
+)  # fmt: skip
+"""The 40 official names, alphabetical: a label is an index into them."""
+
+SYMMETRIC = frozenset({"bottle", "bowl", "cone", "cup", "flower_pot", "lamp", "tent", "vase"})
+"""Categories whose shapes look the same after a turn about an axis, so their pose is luck."""
+
+Split = Literal["train", "test"]
+SPLITS: tuple[Split, ...] = ("train", "test")
+
+
+def read_items(root: Path) -> list[RawItem]:
+    """List the shapes of ModelNet40, ModelNet10 or a part of them, whatever the layout.
+
+    Three layouts are recognised, in ``root`` or in a folder right below it:
+
+    - the original meshes, ``<category>/{train,test}/<name>.off``: read as a ``Mesh`` in the
+      file's own length unit, z up;
+    - ``modelnet40_ply_hdf5_2048``: clouds in the unit sphere, in the file's own axes;
+    - ``modelnet40_normal_resampled``: clouds in the unit sphere, without their normals, turned from its
+      y up into the frame of the meshes.
+
+    Args:
+        root: The data set's folder.
+
+    Returns:
+        One item per shape, in an order that depends on the file names alone; ``group`` is the
+        category, ``split`` the official one.
+
+    Raises:
+        FileNotFoundError: No such folder, none of the layouts in it, or a list or a listed file
+            is missing.
+        ValueError: A list, a label or a category is not ModelNet40's.
+    """
+    if not root.is_dir():
+        raise FileNotFoundError(f"ModelNet40 needs its folder, {root} is not one")
+    folders = [root, *sorted(entry for entry in root.iterdir() if _is_data_folder(entry))]
+    for folder in folders:
+        for holds, list_items in LAYOUTS:
+            if holds(folder):
+                return _refuse_repetition(list_items(folder), folder)
+    raise FileNotFoundError(
+        f"ModelNet40 needs <category>/train/*.off, train_files.txt with ply_data_train0.h5, or "
+        f"modelnet40_train.txt with <category>/*.txt, {root} holds none of them"
+    )
+
+
+def _is_data_folder(entry: Path) -> bool:
+    return entry.is_dir() and not entry.name.startswith((".", "__"))
+
+
+def _refuse_repetition(items: list[RawItem], folder: Path) -> list[RawItem]:
+    seen: set[str] = set()
+    for item in items:
+        if item.name in seen:
+            raise ValueError(f"{folder} needs each shape once, {item.name} is there twice")
+        seen.add(item.name)
+    return items
+
+
+def _check_category(name: str, where: Path) -> str:
+    if name not in CATEGORIES:
+        raise ValueError(f"{where} needs categories of ModelNet40, got {name!r}")
+    return name
+
+
+def _read_lines(path: Path) -> list[str]:
+    if not path.is_file():
+        raise FileNotFoundError(f"ModelNet40 needs the list {path}, which is missing")
+    lines = [line.strip() for line in path.read_text().splitlines() if line.strip()]
+    if not lines:
+        raise ValueError(f"{path} needs at least one name, it is empty")
+    return lines
+
+
+# The original meshes.
+
+
+def _find_meshes(folder: Path) -> list[Path]:
+    found = (path for split in SPLITS for path in folder.glob(f"*/{split}/*.off"))
+    return sorted(path for path in found if not path.name.startswith("."))
+
+
+def _list_meshes(folder: Path) -> list[RawItem]:
+    return [
+        RawItem(
+            name=path.stem,
+            group=_check_category(path.parent.parent.name, folder),
+            split="train" if path.parent.name == "train" else "test",
+            read=partial(read_off, path),
+        )
+        for path in _find_meshes(folder)
+    ]
+
+
+# modelnet40_ply_hdf5_2048.
+
+
+def _holds_hdf5(folder: Path) -> bool:
+    lists = ("train_files.txt", "test_files.txt", "shape_names.txt")
+    return any((folder / name).is_file() for name in lists) or any(folder.glob("ply_data_*.h5"))
+
+
+def _list_hdf5(folder: Path) -> list[RawItem]:
+    names_path = folder / "shape_names.txt"
+    names = [_check_category(name, names_path) for name in _read_lines(names_path)]
+    return [item for split in SPLITS for item in _list_hdf5_split(folder, split, names)]
+
+
+def _list_hdf5_split(folder: Path, split: Split, names: list[str]) -> list[RawItem]:
+    items = []
+    for line in _read_lines(folder / f"{split}_files.txt"):
+        path = folder / Path(line).name  # the official lists carry their authors' folders
+        for index, label in enumerate(_read_labels(path, len(names))):
+            item_name = f"{path.stem}/{index:04d}"
+            read = partial(_read_hdf5_cloud, path, index)
+            items.append(RawItem(item_name, names[label], split, read))
+    return items
+
+
+def _read_labels(path: Path, num_names: int) -> Int64[np.ndarray, " shapes"]:
+    _, labels = _read_hdf5(path)
+    outside = (labels < 0) | (labels >= num_names)
+    if outside.any():
+        raise ValueError(
+            f"{path} needs labels in 0..{num_names - 1}, as many as shape_names.txt has names, "
+            f"got {labels[outside][0]} for shape {outside.argmax()}"
+        )
+    return labels
+
+
+def _read_hdf5_cloud(path: Path, index: int) -> Cloud:
+    clouds, _ = _read_hdf5(path)
+    return check_cloud(clouds[index], f"{path}, shape {index},")
+
+
+def _read_hdf5(
+    path: Path,
+) -> tuple[Float[np.ndarray, "shapes points 3"], Int64[np.ndarray, " shapes"]]:
+    if not path.is_file():
+        raise FileNotFoundError(f"ModelNet40 needs {path}, which its list names and is missing")
+    return _load_hdf5(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=2)  # shapes are read one by one, in order: a file of 50 MB is loaded once
+def _load_hdf5(
+    path: Path, modified: int
+) -> tuple[Float[np.ndarray, "shapes points 3"], Int64[np.ndarray, " shapes"]]:
+    del modified  # part of the key only: a file that changed is read again
+    try:
+        with h5py.File(path) as file:
+            data, label = np.asarray(file["data"]), np.asarray(file["label"])
+    except (OSError, KeyError) as error:
+        raise ValueError(f"{path} needs to be HDF5 with `data` and `label`, got {error}") from error
+    if data.ndim != 3 or data.shape[2] != 3 or data.dtype.kind != "f":
+        raise ValueError(
+            f"{path} needs `data` as floats [shapes, points, 3], got {data.dtype} {data.shape}"
+        )
+    if label.dtype.kind not in "iu" or label.size != len(data) or len(label) != len(data):
+        raise ValueError(
+            f"{path} needs `label` as {len(data)} integers, got {label.dtype} {label.shape}"
+        )
+    return data, label.reshape(-1).astype(np.int64)
+
+
+# modelnet40_normal_resampled.
+
+
+def _holds_resampled(folder: Path) -> bool:
+    return any(folder.glob("modelnet40_*.txt")) or any(
+        any((folder / category).glob(f"{category}_*.txt")) for category in CATEGORIES
+    )
+
+
+def _list_resampled(folder: Path) -> list[RawItem]:
+    items = []
+    for split in SPLITS:
+        list_path = folder / f"modelnet40_{split}.txt"
+        for name in _read_lines(list_path):
+            category = _check_category(name.rpartition("_")[0], list_path)
+            path = folder / category / f"{name}.txt"
+            if not path.is_file():
+                raise FileNotFoundError(f"{list_path} names {name}, but {path} is missing")
+            items.append(RawItem(name, category, split, partial(_read_resampled, path)))
+    return items
+
+
+def _read_resampled(path: Path) -> Cloud:
+    try:
+        points = np.loadtxt(path, delimiter=",", usecols=(0, 1, 2), ndmin=2)
+    except ValueError as error:
+        raise ValueError(f"{path} needs lines `x,y,z,nx,ny,nz`, got: {error}") from error
+    return _turn_upright(check_cloud(points, str(path)))
+
+
+def _turn_upright(points: Cloud) -> Cloud:
+    """Turn y up into z up, by half a turn about the bisector of the two axes.
+
+    This, and not a quarter turn about x, lays the chairs, beds and toilets on those of the other
+    layouts: there they face the other way.
+    """
+    return np.stack([-points[:, 0], points[:, 2], points[:, 1]], axis=1)
+
+
+LAYOUTS: tuple[tuple[Callable[[Path], object], Callable[[Path], list[RawItem]]], ...] = (
+    (_find_meshes, _list_meshes),
+    (_holds_hdf5, _list_hdf5),
+    (_holds_resampled, _list_resampled),
+)
+"""For each layout: does a folder hold it, and its items."""

@@ -1,0 +1,92 @@
+"""Reading meshes in the Object File Format, with the defects ModelNet40 really has."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from pcrdiff.data.raw import Mesh, check_cloud
+
+
+def read_off(path: Path) -> Mesh:
+    """Read a mesh in its file's own frame and length unit.
+
+    Comments and blank lines are skipped, polygons are cut into triangles as a fan from their first
+    corner, colours are ignored, and a header fused with its counts (``OFF700 664 0``) is read.
+
+    Raises:
+        FileNotFoundError: No such file.
+        ValueError: No ``OFF`` header, fewer lines than it announces, no face, a vertex that is not
+            finite, or a face that names a vertex which is not there.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"read_off needs a mesh file, {path} is missing")
+    lines = _read_lines(path)
+    num_vertices, num_faces, start = _read_header(lines, path)
+    if len(lines) < start + num_vertices + num_faces:
+        raise ValueError(
+            f"{path} needs {num_vertices} vertices and {num_faces} faces as its header says, "
+            f"it ends after {len(lines) - start} lines"
+        )
+    vertices = _read_vertices(lines[start : start + num_vertices], path)
+    faces = _read_faces(lines[start + num_vertices :][:num_faces], path)
+    if faces.min() < 0 or faces.max() >= num_vertices:
+        raise ValueError(
+            f"{path} needs faces of vertices 0..{num_vertices - 1}, "
+            f"got {faces.min()}..{faces.max()}"
+        )
+    return Mesh(vertices=vertices, faces=faces)
+
+
+def _read_lines(path: Path) -> list[str]:
+    text = path.read_text(encoding="utf-8", errors="replace")
+    lines = text.splitlines()
+    if "#" in text:
+        lines = [line.partition("#")[0] for line in lines]
+    return [line for line in lines if line and not line.isspace()]
+
+
+def _read_header(lines: Sequence[str], path: Path) -> tuple[int, int, int]:
+    """Give the counts of vertices and faces, and the line where the vertices start."""
+    first = lines[0].strip() if lines else ""
+    if not first.startswith("OFF"):
+        raise ValueError(f"{path} needs to begin with OFF, it begins with {first[:40]!r}")
+    fused = first.removeprefix("OFF").split()
+    counts = fused or (lines[1].split() if len(lines) > 1 else [])
+    if len(counts) < 2 or not all(count.isdecimal() for count in counts):
+        raise ValueError(f"{path} needs counts of vertices, faces and edges, got {counts}")
+    if int(counts[0]) == 0 or int(counts[1]) == 0:
+        raise ValueError(
+            f"{path} needs vertices and faces, its header says {counts[0]} and {counts[1]}"
+        )
+    return int(counts[0]), int(counts[1]), 1 if fused else 2
+
+
+def _read_vertices(lines: Sequence[str], path: Path) -> Float64[np.ndarray, "v 3"]:
+    try:
+        vertices = np.loadtxt(lines, usecols=(0, 1, 2), ndmin=2)
+    except ValueError as error:
+        raise ValueError(f"{path} needs vertices as `x y z`, got: {error}") from error
+    return check_cloud(vertices, str(path))
+
+
+def _read_faces(lines: Sequence[str], path: Path) -> Int64[np.ndarray, "f 3"]:
+    try:
+        faces = np.loadtxt(lines, dtype=np.int64, usecols=(0, 1, 2, 3), ndmin=2)
+        if (faces[:, 0] == 3).all():
+            return faces[:, 1:]
+        return np.array([face for line in lines for face in _cut_into_triangles(line)])
+    except ValueError as error:
+        raise ValueError(
+            f"{path} needs faces as `n i j k ...` with n > 2 corners, got: {error}"
+        ) from error
+
+
+def _cut_into_triangles(line: str) -> list[tuple[int, int, int]]:
+    count, *rest = line.split()
+    corners = [int(corner) for corner in rest[: int(count)]]
+    if len(corners) != int(count) or len(corners) < 3:
+        raise ValueError(f"{line.strip()[:60]!r}")
+    return [(corners[0], b, c) for b, c in pairwise(corners[1:])]

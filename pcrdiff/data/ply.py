@@ -1,0 +1,99 @@
+"""Reading point clouds in the Polygon File Format.
+
+Not by Open3D: it fills the points a cut file lacks with zeros, and says so on the console only.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64
+
+from pcrdiff.data.raw import Cloud, check_cloud
+
+NUMBERS = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
+    "float": "f4", "double": "f8", "float32": "f4", "float64": "f8",
+}  # fmt: skip
+"""numpy's name for each of the format's."""
+FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+"""numpy's byte order for each of the formats."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a file says about its points."""
+
+    format: str
+    count: int
+    properties: tuple[tuple[str, str], ...]
+    """Name and numpy type of each number of a point, in order."""
+    size: int
+    """Bytes until the first point."""
+
+
+def read_ply(path: Path) -> Cloud:
+    """Read the x, y, z of a file's vertices, in its own frame and length unit.
+
+    Raises:
+        FileNotFoundError: No such file.
+        ValueError: No PLY file, vertices that do not come first or lack a coordinate, fewer of
+            them than announced, none at all, or one that is not finite.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"read_ply needs a file, {path} is missing")
+    header = _read_header(path)
+    points = _read_text(path, header) if header.format == "ascii" else _read_binary(path, header)
+    if len(points) != header.count:
+        raise ValueError(f"{path} needs the {header.count} points it announces, got {len(points)}")
+    return check_cloud(points, str(path))
+
+
+def _read_header(path: Path) -> Header:
+    lines = []
+    with path.open("rb") as file:
+        if file.readline().strip() != b"ply":
+            raise ValueError(f"{path} needs to be a PLY file, it does not begin with `ply`")
+        for line in file:
+            lines.append(line.decode("ascii", errors="replace").split() or [""])
+            if lines[-1] == ["end_header"]:
+                return _parse_header(lines, file.tell(), path)
+    raise ValueError(f"{path} needs the line `end_header`, it has none")
+
+
+def _parse_header(lines: list[list[str]], size: int, path: Path) -> Header:
+    formats = [words[1] for words in lines if words[0] == "format" and len(words) > 1]
+    if len(formats) != 1 or formats[0] not in FORMATS:
+        raise ValueError(f"{path} needs a format among {', '.join(FORMATS)}, got {formats}")
+    starts = [index for index, words in enumerate(lines) if words[0] == "element"]
+    vertex = lines[starts[0]] if starts else []
+    if vertex[1:2] != ["vertex"] or not vertex[-1].isdecimal():
+        raise ValueError(f"{path} needs `element vertex N` before other elements, got {vertex}")
+    rows = lines[starts[0] + 1 : starts[1] if len(starts) > 1 else None]
+    properties = [words[1:] for words in rows if words[0] == "property"]
+    if not all(len(words) == 2 and words[0] in NUMBERS for words in properties):
+        raise ValueError(f"{path} needs vertices of plain numbers, got {properties}")
+    named = tuple((name, NUMBERS[number]) for number, name in properties)
+    if not {"x", "y", "z"} <= dict(named).keys() or len(dict(named)) != len(named):
+        raise ValueError(f"{path} needs vertices with one x, y and z, got {properties}")
+    return Header(formats[0], int(vertex[-1]), named, size)
+
+
+def _read_binary(path: Path, header: Header) -> Float64[np.ndarray, "points 3"]:
+    order = FORMATS[header.format]
+    layout = np.dtype([(name, order + number) for name, number in header.properties])
+    vertices = np.fromfile(path, dtype=layout, count=header.count, offset=header.size)
+    return np.stack([vertices[axis].astype(np.float64) for axis in "xyz"], axis=1)
+
+
+def _read_text(path: Path, header: Header) -> Float64[np.ndarray, "points 3"]:
+    lines = path.read_bytes()[header.size :].decode("ascii", errors="replace").splitlines()
+    filled = [line for line in lines if line.strip()][: header.count]
+    names = [name for name, _ in header.properties]
+    if not filled:
+        return np.zeros((0, 3))
+    try:
+        return np.loadtxt(filled, usecols=[names.index(axis) for axis in "xyz"], ndmin=2)
+    except ValueError as error:
+        raise ValueError(f"{path} needs vertices as lines of numbers, got: {error}") from error

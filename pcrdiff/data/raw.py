@@ -1,0 +1,129 @@
+"""What a data set's reader gives: items not yet loaded, and recorded pairs of them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float64, Int64, Num
+
+RIGID_TOLERANCE = 5e-3
+"""How far ``R R^T`` may lie from the identity, entry by entry.
+
+Wide, because the field's own ground truth drifts: 5e-4 in 3DMatch's red kitchen.
+"""
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A triangle mesh."""
+
+    vertices: Float64[np.ndarray, "v 3"]
+    faces: Int64[np.ndarray, "f 3"]
+
+
+Cloud = Float64[np.ndarray, "points 3"]
+
+
+@dataclass(frozen=True)
+class RawItem:
+    """One mesh, fragment or scan of a data set; ``read`` loads it."""
+
+    name: str
+    """Unique in the data set: ``airplane_0001``, ``<scene>/cloud_bin_0``, ``00/000012``."""
+    group: str
+    """Category, scene or sequence."""
+    split: Literal["train", "test"] | None
+    """The data set's own split, where it has one."""
+    read: Callable[[], "Mesh | Cloud"]
+
+
+@dataclass(frozen=True)
+class RecordedPair:
+    """Two items whose relative pose was measured, not made up."""
+
+    source: str
+    target: str
+    T_target_source: Float64[np.ndarray, "4 4"]
+    """Carries the source item into the target item's frame, in the data set's unit."""
+    group: str
+
+
+def check_cloud(points: Num[np.ndarray, "..."], where: str) -> Cloud:
+    """Refuse what is no cloud of finite points; else give it in float64.
+
+    Args:
+        points: What a file held.
+        where: The file, for the message.
+
+    Raises:
+        ValueError: Not ``[n, 3]``, no point at all, or a coordinate that is NaN or infinite.
+    """
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
+        raise ValueError(f"{where} needs points as [n, 3] with n > 0, got {list(points.shape)}")
+    broken = ~np.isfinite(points).all(axis=1)
+    if broken.any():
+        raise ValueError(
+            f"{where} needs finite coordinates, {int(broken.sum())} of its {len(points)} points "
+            f"are not, the first is point {int(broken.argmax())}"
+        )
+    return points.astype(np.float64)
+
+
+def check_rigid(matrix: Num[np.ndarray, "..."], where: str) -> Float64[np.ndarray, "4 4"]:
+    """Refuse what is no rigid transform; else give it with its rounding removed.
+
+    Poses on disk are rounded, so the rotation is replaced by the nearest exact one (by SVD).
+
+    Args:
+        matrix: What a file held: 4x4, translation in the last column.
+        where: The file and the place in it, for the message.
+
+    Raises:
+        ValueError: Not 4x4 and finite, a last row other than ``0 0 0 1``, a reflection, or
+            ``R R^T`` further than ``RIGID_TOLERANCE`` from the identity.
+    """
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+        raise ValueError(f"{where} needs a finite 4x4 pose, got {matrix.tolist()}")
+    rotation = matrix[:3, :3].astype(np.float64)
+    error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    last_row_error = float(np.abs(matrix[3] - np.array([0, 0, 0, 1])).max())
+    if max(error, last_row_error) > RIGID_TOLERANCE or np.linalg.det(rotation) < 0:
+        raise ValueError(
+            f"{where} needs a rigid pose, this one is off by {max(error, last_row_error):.2g} "
+            f"(at most {RIGID_TOLERANCE}) with determinant {np.linalg.det(rotation):.3g}"
+        )
+    U, _, Vh = np.linalg.svd(rotation)
+    rigid = np.eye(4)
+    rigid[:3, :3], rigid[:3, 3] = U @ Vh, matrix[:3, 3]
+    return rigid
+
+
+def sample_points(
+    surface: "Mesh | Cloud", count: int, *, generator: np.random.Generator
+) -> Float64[np.ndarray, "count 3"]:
+    """Draw points: uniform by area on a mesh, a random subset without repetition of a cloud.
+
+    Raises:
+        ValueError: The cloud holds fewer than ``count`` points, or the mesh has no area.
+    """
+    if isinstance(surface, Mesh):
+        return _sample_mesh(surface, count, generator)
+    if len(surface) < count:
+        raise ValueError(f"sample_points needs {count} points, the cloud has {len(surface)}")
+    return surface[generator.choice(len(surface), count, replace=False)]
+
+
+def _sample_mesh(
+    mesh: Mesh, count: int, generator: np.random.Generator
+) -> Float64[np.ndarray, "count 3"]:
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=-1)
+    if not areas.sum() > 0:
+        raise ValueError(f"sample_points needs a mesh with area, got {len(areas)} flat faces")
+    chosen = generator.choice(len(areas), count, p=areas / areas.sum())
+    u, v = generator.random((2, count, 1))
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    points: Float64[np.ndarray, "count 3"]
+    points = a[chosen] + u * (b - a)[chosen] + v * (c - a)[chosen]
+    return points

@@ -1,0 +1,172 @@
+"""The paper's settings: which items make which split, and how an item becomes a pair."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float64
+
+from pcrdiff.data.corruption import crop, draw_pose, jitter, shuffle, unit_sphere
+from pcrdiff.data.raw import Cloud, Mesh, RawItem, sample_points
+from pcrdiff.geometry.rigid import transform
+from pcrdiff.progress import Progress, silent
+from pcrdiff.registration import SPLITS, Pairs
+
+
+@dataclass(frozen=True)
+class Split:
+    """Which items train, which choose the weights, which are tested on.
+
+    ``official`` keeps the data set's own test part and holds every n-th training item out for
+    validation; ``group`` names whole scenes or sequences; ``item`` takes every n-th item.
+    """
+
+    by: Literal["official", "group", "item"]
+    val_fraction: float
+    test_fraction: float
+    val_groups: Sequence[str]
+    test_groups: Sequence[str]
+    categories: Literal["all", "halves"]
+    """``halves``: the alphabetical first half of the categories trains, the second is tested."""
+
+
+@dataclass(frozen=True)
+class Corruption:
+    """How an item becomes a pair. Angles in radians, lengths after scaling to the unit sphere."""
+
+    num_points: int
+    sampling: Literal["copies", "independent"]
+    """Both clouds are the same points in another order, or two samples of the surface."""
+    max_rotation: float
+    max_translation: float
+    jitter_deviation: float
+    jitter_clip: float
+    keep: float
+    """Share of each cloud that its own half-space crop leaves; 1 leaves all."""
+
+
+def split_items(items: Sequence[RawItem], split: Split) -> dict[str, list[int]]:
+    """Index of the items of each split, in the data set's order.
+
+    Raises:
+        ValueError: A split is left without items, or a named group does not exist.
+    """
+    if split.by == "group":
+        chosen = _by_group(items, split)
+    elif split.by == "item":
+        chosen = _by_share(range(len(items)), split.val_fraction, split.test_fraction)
+    else:
+        trained = [i for i, item in enumerate(items) if item.split == "train"]
+        chosen = _by_share(trained, split.val_fraction, 0.0)
+        chosen["test"] = [i for i, item in enumerate(items) if item.split == "test"]
+    if split.categories == "halves":
+        chosen = _by_halves(items, chosen)
+    for name in SPLITS:
+        if not chosen[name]:
+            raise ValueError(f"split by {split.by} needs items in each part, got none for {name}")
+    return chosen
+
+
+def _by_share(
+    candidates: Sequence[int], val_fraction: float, test_fraction: float
+) -> dict[str, list[int]]:
+    """Spread val and test evenly over the candidates: the k-th goes where its share crosses one."""
+    chosen: dict[str, list[int]] = {name: [] for name in SPLITS}
+    for k, index in enumerate(candidates):
+        if _crosses(k, test_fraction):
+            chosen["test"].append(index)
+        elif _crosses(k, test_fraction + val_fraction):
+            chosen["val"].append(index)
+        else:
+            chosen["train"].append(index)
+    return chosen
+
+
+def _crosses(k: int, share: float) -> bool:
+    return int((k + 1) * share + 1e-9) > int(k * share + 1e-9)
+
+
+def _by_group(items: Sequence[RawItem], split: Split) -> dict[str, list[int]]:
+    groups = {item.group for item in items}
+    for name in (*split.val_groups, *split.test_groups):
+        if name not in groups:
+            raise ValueError(f"split needs the group {name!r}, the data set has {sorted(groups)}")
+    place = dict.fromkeys(groups, "train")
+    place |= dict.fromkeys(split.val_groups, "val") | dict.fromkeys(split.test_groups, "test")
+    return {
+        name: [i for i, item in enumerate(items) if place[item.group] == name] for name in SPLITS
+    }
+
+
+def _by_halves(items: Sequence[RawItem], chosen: Mapping[str, list[int]]) -> dict[str, list[int]]:
+    categories = sorted({item.group for item in items})
+    first = set(categories[: len(categories) // 2])
+    return {
+        name: [i for i in index if (items[i].group in first) == (name != "test")]
+        for name, index in chosen.items()
+    }
+
+
+def make_pair(
+    surface: Mesh | Cloud, corruption: Corruption, *, generator: np.random.Generator
+) -> tuple[Cloud, Cloud, Float64[np.ndarray, "4 4"]]:
+    """Source, target and the T_target_source that carries the one into the other's frame.
+
+    The source stays in the item's own frame, scaled to the unit sphere; the target is moved
+    (Eq. 3: Q = G P).
+
+    Raises:
+        ValueError: The item has too few points or no extent.
+    """
+    source = sample_points(surface, corruption.num_points, generator=generator)
+    target = source
+    if corruption.sampling == "independent":
+        target = sample_points(surface, corruption.num_points, generator=generator)
+    centre, scale = unit_sphere(source)
+    source, target = (source - centre) / scale, (target - centre) / scale
+    source = crop(source, corruption.keep, generator=generator)
+    target = crop(target, corruption.keep, generator=generator)
+    pose = draw_pose(corruption.max_rotation, corruption.max_translation, generator=generator)
+    target = transform(torch.from_numpy(pose), torch.from_numpy(target)).numpy()
+    if corruption.jitter_deviation > 0:
+        noise = corruption.jitter_deviation, corruption.jitter_clip
+        source = jitter(source, *noise, generator=generator)
+        target = jitter(target, *noise, generator=generator)
+    return source, shuffle(target, generator=generator), pose
+
+
+def make_pairs(
+    items: Sequence[RawItem],
+    index: Sequence[int],
+    count: int | None,
+    corruption: Corruption,
+    seed: Sequence[int],
+    progress: Progress = silent,
+) -> Pairs:
+    """``count`` pairs of the items at ``index``, or one of each where ``count`` is None.
+
+    Pair k shows item ``index[k % len(index)]`` after a shuffle and draws from its own generator,
+    seeded ``(*seed, k)``: it does not depend on which pairs were made before.
+
+    Raises:
+        ValueError: An item cannot be read or is too small; the sentence names it.
+    """
+    order = np.random.default_rng(seed).permutation(index) if count is not None else list(index)
+    shown = [int(order[k % len(order)]) for k in range(len(order) if count is None else count)]
+    made = []
+    for k, i in enumerate(progress(shown, "pairs")):
+        generator = np.random.default_rng([*seed, k])
+        try:
+            made.append(make_pair(items[i].read(), corruption, generator=generator))
+        except ValueError as error:
+            raise ValueError(f"no pair of {items[i].name}: {error}") from error
+    sources, targets, poses = zip(*made, strict=True)
+    return Pairs(
+        torch.from_numpy(np.stack(sources)).float(),
+        torch.from_numpy(np.stack(targets)).float(),
+        torch.from_numpy(np.stack(poses)),
+        torch.tensor(shown),
+        tuple(items[i].group for i in shown),
+    )

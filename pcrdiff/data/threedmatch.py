@@ -1,0 +1,111 @@
+"""3DMatch's geometric registration benchmark: fused depth fragments of indoor scenes."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64
+
+from pcrdiff.data.ply import read_ply
+from pcrdiff.data.raw import RawItem, RecordedPair, check_rigid
+
+EVALUATION = "-evaluation"
+BLOCK_LINES = 5
+"""A block of ``gt.log``: one line ``i j fragments``, then the four rows of a pose."""
+
+
+def read_items(root: Path) -> list[RawItem]:
+    """List the fragments ``<scene>/cloud_bin_N.ply``, scene by scene, in the order of N.
+
+    Args:
+        root: The folder that holds the scenes.
+
+    Returns:
+        One item per fragment, in metres; ``group`` is the scene; the benchmark has no split.
+
+    Raises:
+        FileNotFoundError: No such folder, or no fragment in it.
+    """
+    if not root.is_dir():
+        raise FileNotFoundError(f"3DMatch needs its folder, {root} is not one")
+    found = (path for path in root.glob("*/cloud_bin_*.ply") if _is_fragment(path))
+    paths = sorted(found, key=lambda path: (path.parent.name, _number(path)))
+    if not paths:
+        raise FileNotFoundError(f"3DMatch needs <scene>/cloud_bin_0.ply, {root} holds no fragment")
+    return [
+        RawItem(
+            name=f"{path.parent.name}/{path.stem}",
+            group=path.parent.name,
+            split=None,
+            read=partial(read_ply, path),
+        )
+        for path in paths
+    ]
+
+
+def _is_fragment(path: Path) -> bool:
+    return _suffix(path).isdecimal() and not path.parent.name.endswith(EVALUATION)
+
+
+def _suffix(path: Path) -> str:
+    return path.stem.removeprefix("cloud_bin_")
+
+
+def _number(path: Path) -> int:
+    return int(_suffix(path))
+
+
+def read_pairs(root: Path) -> list[RecordedPair]:
+    """Read the overlapping pairs and their measured poses from each ``<scene>-evaluation/gt.log``.
+
+    A block ``i j`` holds the pose that carries fragment j into the frame of fragment i, so j is
+    the source and i the target.
+
+    Args:
+        root: The folder that holds the scenes and their evaluation folders.
+
+    Returns:
+        Pairs in the order of the logs, poses in metres; ``group`` is the scene.
+
+    Raises:
+        FileNotFoundError: No log at all, none in an evaluation folder, or a fragment that a log
+            names has no file.
+        ValueError: A log is cut or malformed, or a pose is not rigid (see ``check_rigid``).
+    """
+    folders = sorted(folder for folder in root.glob(f"*{EVALUATION}") if folder.is_dir())
+    if not folders:
+        raise FileNotFoundError(f"3DMatch needs <scene>{EVALUATION}/gt.log, {root} holds none")
+    return [pair for folder in folders for pair in _read_log(root, folder / "gt.log")]
+
+
+def _read_log(root: Path, path: Path) -> list[RecordedPair]:
+    if not path.is_file():
+        raise FileNotFoundError(f"3DMatch needs the log {path}, which is missing")
+    rows = [line.split() for line in path.read_text().splitlines() if line.strip()]
+    if len(rows) % BLOCK_LINES != 0 or not rows:
+        raise ValueError(
+            f"{path} needs blocks of {BLOCK_LINES} lines, the last of its {len(rows)} lines is cut"
+        )
+    scene = path.parent.name.removesuffix(EVALUATION)
+    blocks = [rows[start : start + BLOCK_LINES] for start in range(0, len(rows), BLOCK_LINES)]
+    return [_read_block(block, root / scene, path) for block in blocks]
+
+
+def _read_block(block: Sequence[Sequence[str]], scene: Path, path: Path) -> RecordedPair:
+    where = f"{path}, block {' '.join(block[0])!r},"
+    try:
+        target, source, _ = (int(word) for word in block[0])
+        matrix: Float64[np.ndarray, "4 4"] = np.array(block[1:], dtype=np.float64)
+    except ValueError as error:
+        raise ValueError(f"{where} needs `i j n` and a 4x4 pose, got: {error}") from error
+    for number in (source, target):
+        fragment = scene / f"cloud_bin_{number}.ply"
+        if not fragment.is_file():
+            raise FileNotFoundError(f"{where} names fragment {number}, but {fragment} is missing")
+    return RecordedPair(
+        source=f"{scene.name}/cloud_bin_{source}",
+        target=f"{scene.name}/cloud_bin_{target}",
+        T_target_source=check_rigid(matrix, where),
+        group=scene.name,
+    )

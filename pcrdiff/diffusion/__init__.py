@@ -1,0 +1,1 @@
+"""The Gaussian process over vectors; knows no network."""

@@ -1,0 +1,83 @@
+"""The Gaussian process over vectors: corrupting, and stepping back."""
+
+from itertools import pairwise
+from math import sqrt
+
+import torch
+from jaxtyping import Float, Float64, Int
+from torch import Tensor
+
+
+def q_sample(
+    x_0: Float[Tensor, "batch dim"],
+    t: Int[Tensor, " batch"],
+    noise: Float[Tensor, "batch dim"],
+    alphas_bar: Float64[Tensor, " times"],
+) -> Float[Tensor, "batch dim"]:
+    """Corrupt clean vectors to time ``t`` (Eq. 6); at t = 0 nothing changes."""
+    a = alphas_bar[t].unsqueeze(-1)
+    return a.sqrt().to(x_0) * x_0 + (1 - a).sqrt().to(x_0) * noise
+
+
+def corrupt(
+    x_0: Float[Tensor, "batch dim"],
+    alphas_bar: Float64[Tensor, " times"],
+    *,
+    generator: torch.Generator,
+) -> tuple[Float[Tensor, "batch dim"], Int[Tensor, " batch"]]:
+    """Draw a time in 1 .. T and a noise for each vector, and corrupt it (Algorithm 1).
+
+    Returns:
+        (x_t, t).
+    """
+    t = torch.randint(1, len(alphas_bar), (len(x_0),), generator=generator)
+    noise = torch.randn(x_0.shape, generator=generator).to(x_0)
+    return q_sample(x_0, t, noise, alphas_bar), t.to(x_0.device)
+
+
+def q_posterior(
+    x_0: Float[Tensor, "batch dim"],
+    x_t: Float[Tensor, "batch dim"],
+    t: int,
+    s: int,
+    alphas_bar: Float64[Tensor, " times"],
+) -> tuple[Float[Tensor, "batch dim"], float]:
+    """Mean and deviation of ``q(x_s | x_t, x_0)`` for any earlier time ``s < t`` (Eq. 10).
+
+    With ``a = alphas_bar[t] / alphas_bar[s]``, the signal kept from s to t, this is the DDPM
+    posterior (Ho et al. 2020, Eqs. 6-7) over the times that a short walk visits.
+
+    Raises:
+        ValueError: Not ``0 <= s < t``.
+    """
+    if not 0 <= s < t:
+        raise ValueError(f"q_posterior needs 0 <= s < t, got s = {s}, t = {t}")
+    a_t, a_s = alphas_bar[t].item(), alphas_bar[s].item()
+    a = a_t / a_s
+    mean = (sqrt(a_s) * (1 - a) * x_0 + sqrt(a) * (1 - a_s) * x_t) / (1 - a_t)
+    return mean, sqrt((1 - a_s) * (1 - a) / (1 - a_t))
+
+
+def ddim_step(
+    x_0: Float[Tensor, "batch dim"],
+    x_t: Float[Tensor, "batch dim"],
+    t: int,
+    s: int,
+    alphas_bar: Float64[Tensor, " times"],
+) -> Float[Tensor, "batch dim"]:
+    """Walk from ``t`` to an earlier ``s`` along the noise that ``x_t`` holds (Song et al. 2021)."""
+    a_t, a_s = alphas_bar[t].item(), alphas_bar[s].item()
+    noise = (x_t - sqrt(a_t) * x_0) / sqrt(1 - a_t)
+    return sqrt(a_s) * x_0 + sqrt(1 - a_s) * noise
+
+
+def time_pairs(timesteps: int, steps: int) -> list[tuple[int, int]]:
+    """The pairs (t, s) of ``steps`` even steps from ``timesteps`` down to 0 (Algorithm 2).
+
+    Raises:
+        ValueError: Not ``1 <= steps <= timesteps``.
+    """
+    if not 1 <= steps <= timesteps:
+        raise ValueError(f"time_pairs needs 1 <= steps <= {timesteps}, got {steps}")
+    times = torch.linspace(timesteps, 0, steps + 1, dtype=torch.float64).round().int().tolist()
+    return list(pairwise(times))

@@ -1,0 +1,60 @@
+"""Which points are near which, in blocks so that memory grows with the number of points."""
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+BLOCK = 1 << 22
+"""Distances held at once; 16 MiB in float32."""
+
+
+def squared_distances(
+    a: Float[Tensor, "*batch n dim"], b: Float[Tensor, "*batch m dim"]
+) -> Float[Tensor, "*batch n m"]:
+    """``|a_i - b_j|^2``, never negative."""
+    cross = a @ b.mT
+    squares = a.square().sum(dim=-1).unsqueeze(-1) + b.square().sum(dim=-1).unsqueeze(-2)
+    return (squares - 2 * cross).clamp(min=0)
+
+
+def nearest(
+    queries: Float[Tensor, "batch n 3"], points: Float[Tensor, "batch m 3"], k: int
+) -> tuple[Float[Tensor, "batch n k"], Int[Tensor, "batch n k"]]:
+    """Squared distance and index of the ``k`` nearest points of each query, nearest first.
+
+    Raises:
+        ValueError: There are fewer than ``k`` points.
+    """
+    batch, m, _ = points.shape
+    if k > m:
+        raise ValueError(f"nearest needs at least k = {k} points, got {m}")
+    rows = max(1, BLOCK // (batch * m))
+    blocks = [
+        squared_distances(block, points).topk(k, dim=-1, largest=False)
+        for block in torch.split(queries, rows, dim=1)
+    ]
+    distances = torch.cat([block.values for block in blocks], dim=1)
+    return distances, torch.cat([block.indices for block in blocks], dim=1)
+
+
+def gather_points(
+    values: Float[Tensor, "batch m dim"], index: Int[Tensor, "batch n k"]
+) -> Float[Tensor, "batch n k dim"]:
+    """``values[b, index[b, i, j]]``."""
+    items = torch.arange(len(values), device=values.device)[:, None, None]
+    return values[items, index]
+
+
+def estimate_normals(points: Float[Tensor, "batch n 3"], k: int) -> Float[Tensor, "batch n 3"]:
+    """Unit normal of the plane through each point's ``k`` nearest points, itself included.
+
+    The sign points away from the cloud's centroid, so that a moved cloud has moved normals.
+    """
+    _, index = nearest(points, points, k)
+    patches = gather_points(points, index)
+    centred = patches - patches.mean(dim=-2, keepdim=True)
+    _, axes = torch.linalg.eigh(centred.mT @ centred)
+    normals = axes[..., 0]  # of the smallest eigenvalue
+    outward = points - points.mean(dim=-2, keepdim=True)
+    away = (normals * outward).sum(dim=-1, keepdim=True) >= 0
+    return torch.where(away, normals, -normals)

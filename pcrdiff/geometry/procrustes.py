@@ -1,0 +1,42 @@
+"""Closed-form rigid alignment of matched points."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from pcrdiff.geometry.rigid import from_parts
+
+
+def fit_rigid(
+    source: Float[Tensor, "batch points 3"],
+    target: Float[Tensor, "batch points 3"],
+    weights: Float[Tensor, "batch points"],
+) -> Float[Tensor, "batch 4 4"]:
+    """Fit the rigid transform that best carries ``source`` onto ``target``.
+
+    Minimises ``sum_i w_i |R p_i + t - q_i|^2`` over SE(3): Eq. (1) of the paper, with the
+    matches given row by row. Solved by SVD (Kabsch 1976), reflections removed.
+
+    Args:
+        source: Points p_i, in the source frame.
+        target: Their matches q_i, in the target frame; same length unit as ``source``.
+        weights: w_i >= 0. Only their ratios matter.
+
+    Returns:
+        T_target_source.
+
+    Raises:
+        ValueError: A batch item has no positive weight, so any pose would fit it.
+    """
+    total = weights.sum(dim=-1, keepdim=True)
+    if not (total > 0).all():
+        empty = (~(total[:, 0] > 0)).nonzero().flatten().tolist()
+        raise ValueError(f"fit_rigid needs a positive weight per item; items {empty} have none")
+    w = (weights / total).unsqueeze(-1)
+    p_mean, q_mean = (w * source).sum(dim=-2), (w * target).sum(dim=-2)
+    p, q = source - p_mean.unsqueeze(-2), target - q_mean.unsqueeze(-2)
+    U, _, Vh = torch.linalg.svd((w * q).mT @ p)
+    flip = torch.ones_like(p_mean)
+    flip[:, 2] = torch.det(U.detach() @ Vh.detach()).sign()  # det R = +1, whatever the noise did
+    R = (U * flip.unsqueeze(-2)) @ Vh
+    return from_parts(R, q_mean - (R @ p_mean.unsqueeze(-1)).squeeze(-1))

@@ -1,0 +1,74 @@
+"""Rotations: matrices, unit quaternions (w, x, y, z) and Euler angles, in radians."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+def matrix_from_quaternion(quaternion: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 3 3"]:
+    """Rotation matrix of a quaternion (w, x, y, z), which need not have unit length.
+
+    Raises:
+        ValueError: A quaternion is zero and so names no rotation.
+    """
+    norm = quaternion.norm(dim=-1, keepdim=True)
+    if (norm == 0).any():
+        raise ValueError("matrix_from_quaternion needs non-zero quaternions, got a zero one")
+    w, x, y, z = (quaternion / norm).unbind(-1)
+    rows = [
+        torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], dim=-1),
+        torch.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], dim=-1),
+        torch.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], dim=-1),
+    ]
+    return torch.stack(rows, dim=-2)
+
+
+def quaternion_from_matrix(R: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 4"]:
+    """Unit quaternion (w, x, y, z) with w >= 0 of a rotation matrix.
+
+    Each column of the 4x4 matrix below is the quaternion times one of its own components; the
+    column of the largest component is the accurate one, also near 180 degrees (Shepperd 1978).
+    """
+    m = R.flatten(-2)
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = m.unbind(-1)
+    columns = torch.stack(
+        [
+            torch.stack([1 + r00 + r11 + r22, r21 - r12, r02 - r20, r10 - r01], dim=-1),
+            torch.stack([r21 - r12, 1 + r00 - r11 - r22, r01 + r10, r02 + r20], dim=-1),
+            torch.stack([r02 - r20, r01 + r10, 1 - r00 + r11 - r22, r12 + r21], dim=-1),
+            torch.stack([r10 - r01, r02 + r20, r12 + r21, 1 - r00 - r11 + r22], dim=-1),
+        ],
+        dim=-2,
+    )
+    largest = columns.diagonal(dim1=-2, dim2=-1).argmax(dim=-1)
+    index = largest[..., None, None].expand(*largest.shape, 1, 4)
+    quaternion = columns.gather(-2, index).squeeze(-2)
+    quaternion = quaternion / quaternion.norm(dim=-1, keepdim=True)
+    return torch.where(quaternion[..., :1] < 0, -quaternion, quaternion)
+
+
+def matrix_from_euler(angles: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
+    """``Rx(a) @ Ry(b) @ Rz(c)`` for ``angles = (a, b, c)``: how the field draws its rotations."""
+    (sa, sb, sc), (ca, cb, cc) = angles.sin().unbind(-1), angles.cos().unbind(-1)
+    rows = [
+        torch.stack([cb * cc, -cb * sc, sb], dim=-1),
+        torch.stack([ca * sc + sa * sb * cc, ca * cc - sa * sb * sc, -sa * cb], dim=-1),
+        torch.stack([sa * sc - ca * sb * cc, sa * cc + ca * sb * sc, ca * cb], dim=-1),
+    ]
+    return torch.stack(rows, dim=-2)
+
+
+def euler_from_matrix(R: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3"]:
+    """Angles (a, b, c) with ``R = Rx(a) @ Ry(b) @ Rz(c)`` and b in [-pi/2, pi/2]."""
+    a = torch.atan2(-R[..., 1, 2], R[..., 2, 2])
+    b = torch.asin(R[..., 0, 2].clamp(-1, 1))
+    c = torch.atan2(-R[..., 0, 1], R[..., 0, 0])
+    return torch.stack([a, b, c], dim=-1)
+
+
+def geodesic_angle(
+    R_a: Float[Tensor, "*batch 3 3"], R_b: Float[Tensor, "*batch 3 3"]
+) -> Float[Tensor, "*batch"]:
+    """Angle of the rotation between two rotations: ``arccos((trace(R_a^T R_b) - 1) / 2)``."""
+    trace = (R_a * R_b).sum(dim=(-2, -1))
+    return torch.arccos(((trace - 1) / 2).clamp(-1, 1))

@@ -1,0 +1,53 @@
+"""What training minimises: Eqs. (15)-(17) and the terms of RPM-Net."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from pcrdiff.geometry.neighbors import squared_distances
+from pcrdiff.geometry.rigid import invert
+
+
+def diffusion_loss(
+    prediction: Float[Tensor, "batch dim"], x_0: Float[Tensor, "batch dim"]
+) -> Float[Tensor, ""]:
+    """``1/2 |f_theta(x_t, t) - x_0|^2``, mean over the batch (Eq. 15)."""
+    return 0.5 * (prediction - x_0).square().sum(dim=-1).mean()
+
+
+def chamfer_loss(
+    moved: Float[Tensor, "batch n 3"], target: Float[Tensor, "batch m 3"]
+) -> Float[Tensor, ""]:
+    """Mean squared distance to the nearest point, both ways, mean over the batch (Eq. 16).
+
+    Which point is the nearest is found without a graph: the gradient of a minimum passes through
+    the point that attains it, and through no other.
+    """
+    with torch.no_grad():
+        distances = squared_distances(moved, target)
+        to_target, to_moved = distances.argmin(dim=-1), distances.argmin(dim=-2)
+    items = torch.arange(len(moved), device=moved.device).unsqueeze(-1)
+    forward = (moved - target[items, to_target]).square().sum(dim=-1)
+    backward = (target - moved[items, to_moved]).square().sum(dim=-1)
+    return forward.mean() + backward.mean()
+
+
+def pose_loss(
+    T_estimate: Float[Tensor, "batch 4 4"], T_truth: Float[Tensor, "batch 4 4"]
+) -> Float[Tensor, ""]:
+    """``|G_0^-1 G_gt - I|_F``, mean over the batch (Eq. 17)."""
+    difference = invert(T_estimate) @ T_truth - torch.eye(4).to(T_truth)
+    norm: Tensor = torch.linalg.matrix_norm(difference)
+    return norm.mean()
+
+
+def point_loss(
+    estimated: Float[Tensor, "batch n 3"], true: Float[Tensor, "batch n 3"]
+) -> Float[Tensor, ""]:
+    """Mean absolute distance between a cloud under two poses (Yew & Lee 2020, Eq. 10)."""
+    return (estimated - true).abs().mean()
+
+
+def inlier_loss(matches: Float[Tensor, "batch n m"]) -> Float[Tensor, ""]:
+    """How far rows and columns of the matches fall short of 1 (Yew & Lee 2020, Eq. 11)."""
+    return (1 - matches.sum(dim=-1)).mean() + (1 - matches.sum(dim=-2)).mean()

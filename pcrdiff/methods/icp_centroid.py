@@ -1,0 +1,38 @@
+"""The third floor of every table: ICP started from the shift between the centroids."""
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from pcrdiff.classical import cloud, icp
+from pcrdiff.geometry.rigid import from_parts
+from pcrdiff.registration import check_clouds
+
+
+class ICPCentroid:
+    """Point-to-point ICP that is spared the translation; solves full overlap by itself."""
+
+    name = "icp_centroid"
+
+    def __init__(self, max_iterations: int, max_distance: float) -> None:
+        """``max_distance`` between matched points, in the clouds' unit."""
+        self.max_iterations, self.max_distance = max_iterations, max_distance
+
+    def register(
+        self,
+        source: Float[Tensor, "batch n 3"],
+        target: Float[Tensor, "batch m 3"],
+        *,
+        generator: torch.Generator,
+    ) -> Float[Tensor, "batch 4 4"]:
+        """Refine the shift that lays the source's centroid on the target's."""
+        del generator
+        check_clouds(self.name, source, target)
+        shift = (target.mean(dim=-2) - source.mean(dim=-2)).double()
+        T_start = from_parts(torch.eye(3).to(shift).repeat(len(shift), 1, 1), shift).numpy()
+        poses = [
+            icp(cloud(p), cloud(q), T, self.max_iterations, self.max_distance)
+            for p, q, T in zip(source, target, T_start, strict=True)
+        ]
+        return torch.from_numpy(np.stack(poses))

@@ -1,0 +1,137 @@
+"""PCRDiffusion, correspondence-based: the paper's Fig. 3, EGST's decoder told a noisy pose."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from pcrdiff.diffusion.process import corrupt
+from pcrdiff.diffusion.sampling import Walk, sample
+from pcrdiff.diffusion.schedule import cosine_alphas_bar
+from pcrdiff.geometry.procrustes import fit_rigid
+from pcrdiff.geometry.rigid import from_pose_vector, pose_vector, transform
+from pcrdiff.losses import diffusion_loss, inlier_loss, point_loss
+from pcrdiff.models.attention import CrossCloudAttention
+from pcrdiff.models.matching import AnnealingNet, match_scores, sinkhorn
+from pcrdiff.models.pose_encoder import PoseEncoder
+from pcrdiff.models.structure import StructureEmbedding, describe
+from pcrdiff.registration import LearnedMethod, Pairs, check_clouds
+
+INLIER_WEIGHT = 0.01  # Yew & Lee 2020, Sec. 4.4
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """A pair of clouds, described once and used at every step."""
+
+    source: Float[Tensor, "batch n 3"]
+    target: Float[Tensor, "batch m 3"]
+    source_features: Float[Tensor, "batch n dim"]
+    target_features: Float[Tensor, "batch m dim"]
+    alpha: Float[Tensor, " batch"]
+    beta: Float[Tensor, " batch"]
+
+
+class PCRDiffusionCB(LearnedMethod):
+    """Structured features of every point and a noisy pose, to soft matches, to the clean pose."""
+
+    name = "pcrdiffusion_cb"
+
+    def __init__(
+        self,
+        walk: Walk,
+        feature_dim: int,
+        neighbours: int,
+        radius: float,
+        sinkhorn_iterations: int,
+    ) -> None:
+        """``feature_dim`` of a point, 128 in EGST; ``radius`` in the clouds' own unit."""
+        super().__init__()
+        self.embedding = StructureEmbedding(dim=feature_dim)
+        self.pose_encoder = PoseEncoder(pose_dim=7, dim=feature_dim)
+        self.attention = CrossCloudAttention(dim=feature_dim)
+        self.annealing = AnnealingNet()
+        self.walk, self.alphas_bar = walk, cosine_alphas_bar(walk.timesteps)
+        self.neighbours, self.radius = neighbours, radius
+        self.sinkhorn_iterations = sinkhorn_iterations
+
+    def encode(
+        self, source: Float[Tensor, "batch n 3"], target: Float[Tensor, "batch m 3"]
+    ) -> Encoded:
+        """Describe and embed both clouds, and read the annealing parameters off them."""
+        source_features, target_features = (
+            self.embedding(describe(cloud, self.radius, self.neighbours))
+            for cloud in (source, target)
+        )
+        alpha, beta = self.annealing(source, target)
+        return Encoded(source, target, source_features, target_features, alpha, beta)
+
+    def match(
+        self, x_t: Float[Tensor, "batch 7"], t: Int[Tensor, " batch"], encoded: Encoded
+    ) -> Float[Tensor, "batch n m"]:
+        """Soft matches given a noisy pose.
+
+        F_t joins the source's features before the transformer: after it, an offset that all
+        points of a cloud share would cancel in Sinkhorn's rows (reports/DEVIATIONS.md).
+        """
+        pose_features = self.pose_encoder(x_t, t).unsqueeze(1)
+        source_features = encoded.source_features + pose_features
+        target_features = encoded.target_features
+        scores = match_scores(
+            self.attention(source_features, target_features),
+            self.attention(target_features, source_features),
+            encoded.alpha,
+            encoded.beta,
+        )
+        return sinkhorn(scores, self.sinkhorn_iterations)
+
+    def loss(self, pairs: Pairs, *, generator: torch.Generator) -> Mapping[str, Float[Tensor, ""]]:
+        """Eq. (15), and RPM-Net's losses where the paper says "identical to EGST's"."""
+        source, T_truth = pairs.source, pairs.T_target_source.to(pairs.source)
+        x_0 = pose_vector(pairs.T_target_source).to(source)
+        x_t, t = corrupt(x_0, self.alphas_bar, generator=generator)
+        encoded = self.encode(source, pairs.target)
+        matches = self.match(x_t, t, encoded)
+        T_estimate = fit_matches(encoded, matches)
+        return {
+            "diffusion": diffusion_loss(pose_vector(T_estimate), x_0),
+            "points": point_loss(transform(T_estimate, source), transform(T_truth, source)),
+            "inliers": INLIER_WEIGHT * inlier_loss(matches),
+        }
+
+    @torch.no_grad()
+    def register(
+        self,
+        source: Float[Tensor, "batch n 3"],
+        target: Float[Tensor, "batch m 3"],
+        *,
+        generator: torch.Generator,
+    ) -> Float[Tensor, "batch 4 4"]:
+        """Encode both clouds once, then walk the pose back from noise (Algorithm 2)."""
+        check_clouds(self.name, source, target, minimum=self.neighbours)
+        encoded = self.encode(source, target)
+        vector = sample(
+            lambda x_t, t: self.denoise(x_t.to(source), t, encoded),
+            len(source),
+            7,
+            self.walk,
+            generator=generator,
+        )
+        return from_pose_vector(vector)
+
+    def denoise(
+        self, x_t: Float[Tensor, "batch 7"], t: Int[Tensor, " batch"], encoded: Encoded
+    ) -> Float[Tensor, "batch 7"]:
+        """f_theta: predict G_0 from G_t, by the pose that fits the matches (Eq. 1)."""
+        return pose_vector(fit_matches(encoded, self.match(x_t, t, encoded)))
+
+
+def fit_matches(
+    encoded: Encoded, matches: Float[Tensor, "batch n m"]
+) -> Float[Tensor, "batch 4 4"]:
+    """The pose that carries each source point to the mean of its matches, by their weight."""
+    weights = matches.sum(dim=-1)
+    matched = (matches @ encoded.target) / (weights.unsqueeze(-1) + 1e-5)
+    return fit_rigid(encoded.source, matched, weights + 1e-8)

@@ -1,0 +1,1 @@
+"""Network parts; know no schedule and no loop."""

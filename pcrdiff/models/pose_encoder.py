@@ -1,0 +1,49 @@
+"""F_t: what the decoder is told of the noisy pose and of the time."""
+
+import math
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+
+class PoseEncoder(nn.Module):
+    """Encodes a noisy pose vector and its time into one feature (Sec. 3.3, Algorithm 1).
+
+    The paper names a "transformation encoder" and passes ``t`` to the decoder without saying
+    how; here an MLP encodes the pose, and a sinusoidal embedding of ``t`` through another MLP
+    (Nichol & Dhariwal 2021) is added to it. The last layers start at zero, so training starts
+    from the network without diffusion.
+    """
+
+    def __init__(self, pose_dim: int, dim: int, time_dim: int = 128) -> None:
+        """``dim`` is the width of the features it is added to."""
+        super().__init__()
+        self.time_dim = time_dim
+        self.pose = nn.Sequential(
+            nn.Linear(pose_dim, 64),
+            nn.ReLU(),
+            nn.Linear(64, 128),
+            nn.ReLU(),
+            nn.Linear(128, 256),
+            nn.ReLU(),
+            nn.Linear(256, dim),
+        )
+        self.time = nn.Sequential(nn.Linear(time_dim, dim), nn.SiLU(), nn.Linear(dim, dim))
+        for last in (self.pose[-1], self.time[-1]):
+            nn.init.zeros_(last.get_parameter("weight"))
+            nn.init.zeros_(last.get_parameter("bias"))
+
+    def forward(
+        self, x_t: Float[Tensor, "batch pose"], t: Int[Tensor, " batch"]
+    ) -> Float[Tensor, "batch dim"]:
+        """F_t, one row per pair."""
+        encoded: Tensor = self.pose(x_t) + self.time(time_embedding(t, self.time_dim).to(x_t))
+        return encoded
+
+
+def time_embedding(t: Int[Tensor, " batch"], dim: int) -> Float[Tensor, "batch dim"]:
+    """Sines and cosines of ``t`` at ``dim / 2`` frequencies from 1 down to 1e-4."""
+    exponents = torch.arange(dim // 2, device=t.device) / (dim // 2)
+    angles = t.unsqueeze(-1) * torch.exp(-math.log(10_000) * exponents)
+    return torch.cat([angles.sin(), angles.cos()], dim=-1)

@@ -1,0 +1,94 @@
+"""EGST's structured feature: three descriptors of each neighbourhood, embedded per point."""
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from pcrdiff.geometry.neighbors import BLOCK, estimate_normals, gather_points, nearest
+
+DESCRIPTOR_DIM = 11
+
+
+def angle_between(
+    a: Float[Tensor, "*batch 3"], b: Float[Tensor, "*batch 3"]
+) -> Float[Tensor, "*batch"]:
+    """Angle in [0, pi], accurate everywhere; 0 where a vector vanishes."""
+    return torch.atan2(torch.linalg.cross(a, b).norm(dim=-1), (a * b).sum(dim=-1))
+
+
+@torch.no_grad()
+def describe(
+    points: Float[Tensor, "batch n 3"], radius: float, k: int
+) -> Float[Tensor, "batch n k 11"]:
+    """The three descriptors of each point and its neighbours (Yuan et al. 2024, EGST).
+
+    (1) where the centre is, from the cloud's mean; (2) the neighbour's offset; (3) the point
+    pair feature of the two, and the widest angle that the neighbour spans with any point of the
+    cloud. (3) does not change when the cloud moves, (1) and (2) turn with it. Neighbours are the
+    ``k`` nearest within ``radius``; a place left over holds the centre itself. Normals are
+    estimated from the same ``k`` points.
+
+    Raises:
+        ValueError: The cloud has fewer than ``k`` points.
+    """
+    distances, index = nearest(points, points, k)
+    own = torch.arange(points.shape[1], device=points.device)[None, :, None]
+    index = torch.where(distances <= radius**2, index, own)
+    normals = estimate_normals(points, k)
+    centre = (points - points.mean(dim=-2, keepdim=True)).unsqueeze(-2).expand(-1, -1, k, -1)
+    offset = gather_points(points, index) - points.unsqueeze(-2)
+    n_centre, n_neighbour = normals.unsqueeze(-2).expand_as(offset), gather_points(normals, index)
+    pair_feature = [
+        angle_between(n_centre, offset),
+        angle_between(n_neighbour, offset),
+        angle_between(n_centre, n_neighbour),
+        offset.norm(dim=-1),
+        widest_angle(points, index),
+    ]
+    return torch.cat([centre, offset, torch.stack(pair_feature, dim=-1)], dim=-1)
+
+
+def widest_angle(
+    points: Float[Tensor, "batch n 3"], index: Int[Tensor, "batch n k"]
+) -> Float[Tensor, "batch n k"]:
+    """Per neighbour, the largest angle at the centre between it and any point of the cloud.
+
+    Over ``[n k n]`` triplets in blocks of centres; the largest angle has the smallest cosine.
+    """
+    batch, n, k = index.shape
+    rows = max(1, BLOCK // (batch * k * n))
+    offset = nn.functional.normalize(gather_points(points, index) - points.unsqueeze(-2), dim=-1)
+    cosines = []
+    for start in range(0, n, rows):
+        centres = points[:, start : start + rows]
+        to_all = nn.functional.normalize(points.unsqueeze(1) - centres.unsqueeze(2), dim=-1)
+        cosines.append((offset[:, start : start + rows] @ to_all.mT).amin(dim=-1))
+    return torch.arccos(torch.cat(cosines, dim=1).clamp(-1, 1))
+
+
+class StructureEmbedding(nn.Module):
+    """Descriptors to one feature per point: an MLP per neighbour, the maximum, an MLP per point."""
+
+    def __init__(self, dim: int) -> None:
+        """``dim`` of a point's feature, 128 in EGST."""
+        super().__init__()
+        self.per_neighbour = nn.ModuleList(
+            nn.Linear(i, o) for i, o in ((DESCRIPTOR_DIM, dim), (dim, dim), (dim, 2 * dim))
+        )
+        self.per_point = nn.Sequential(
+            nn.Linear(2 * dim, 2 * dim),
+            nn.LayerNorm(2 * dim),
+            nn.ReLU(),
+            nn.Linear(2 * dim, dim),
+            nn.LayerNorm(dim),
+            nn.ReLU(),
+            nn.Linear(dim, dim),
+        )
+
+    def forward(self, descriptors: Float[Tensor, "batch n k 11"]) -> Float[Tensor, "batch n dim"]:
+        """The structured feature of each point."""
+        features = descriptors
+        for layer in self.per_neighbour:
+            features = layer(features).relu()
+        pooled: Tensor = self.per_point(features.amax(dim=-2))
+        return pooled

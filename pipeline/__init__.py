@@ -1,0 +1,1 @@
+"""Glue between the library and files: params, artifacts, tracking, tables, the command line."""

@@ -1,0 +1,237 @@
+"""The formats of what stages hand to each other: pairs, weights, curves, answers."""
+
+import csv
+import io
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+from torch import Tensor
+
+from pcrdiff.metrics import error_r_deg, error_t, euler_difference_deg, translation_difference
+from pcrdiff.registration import SPLITS, Pairs
+
+if TYPE_CHECKING:
+    from pcrdiff.evaluation import Estimates
+    from pcrdiff.training import Epoch
+
+PAIR_SCHEMA = 1
+RIGID_TOLERANCE = 1e-6
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write ``path`` whole or not at all, making its folder if need be."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        Path(name).chmod(0o644)  # mkstemp's own mode is 0600
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def write_json(path: Path, value: Mapping[str, object]) -> None:
+    """Write a JSON object with sorted keys."""
+    write_atomically(path, (json.dumps(value, indent=2, sort_keys=True) + "\n").encode())
+
+
+# Pairs.
+
+
+def write_pairs(
+    path: Path,
+    splits: Mapping[str, Pairs],
+    label: str,
+    attributes: Mapping[str, Any],
+) -> None:
+    """Write a pair file; the same pairs give the same bytes.
+
+    Args:
+        path: The ``.h5`` file.
+        splits: ``train``, ``val`` and ``test``.
+        label: What a pair's group is called: ``category`` or ``scene``.
+        attributes: ``scenario``, ``unit``, ``seed`` and ``provenance``, a JSON object.
+    """
+    memory = io.BytesIO()
+    with h5py.File(memory, "w", libver=("v110", "v110")) as file:
+        for name in ("scenario", "unit", "seed"):
+            file.attrs[name] = attributes[name]
+        file.attrs["schema"] = PAIR_SCHEMA
+        file.attrs["provenance"] = json.dumps(attributes["provenance"], sort_keys=True)
+        for name in SPLITS:
+            pairs, group = splits[name], file.create_group(name)
+            for field in ("source", "target", "T_target_source", "item"):
+                group.create_dataset(field, data=getattr(pairs, field).numpy())
+            group.create_dataset(label, data=list(pairs.group), dtype=h5py.string_dtype())
+    write_atomically(path, memory.getvalue())
+
+
+def read_pairs(path: Path, split: str) -> Pairs:
+    """Read one split of a pair file, and refuse what no method should be shown.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: It is not a pair file of this schema, a shape does not fit, a coordinate is
+            not finite, or a pose is not rigid; one sentence with the file.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"a pair file is needed at {path}, there is none: run preprocess")
+    try:
+        with h5py.File(path) as file:
+            schema = file.attrs.get("schema")
+            if schema != PAIR_SCHEMA:
+                raise ValueError(f"{path} needs schema {PAIR_SCHEMA}, has {schema}")
+            return _checked(file[split], f"{path} {split}")
+    except (KeyError, OSError) as error:
+        raise ValueError(f"{path} is not a pair file with a split {split!r}: {error}") from error
+
+
+def _checked(group: h5py.Group, where: str) -> Pairs:
+    source, target, poses, item = (
+        group[name][:] for name in ("source", "target", "T_target_source", "item")
+    )
+    label = next((name for name in ("category", "scene") if name in group), None)
+    if label is None:
+        raise ValueError(f"{where} needs a dataset category or scene, has {sorted(group)}")
+    count = len(source)
+    shapes = {"source": source.shape[2:], "target": target.shape[2:], "pose": poses.shape[1:]}
+    if shapes != {"source": (3,), "target": (3,), "pose": (4, 4)}:
+        raise ValueError(f"{where} needs clouds [P, N, 3] and poses [P, 4, 4], has {shapes}")
+    lengths = {len(target), len(poses), len(item), len(group[label])}
+    if lengths != {count} or count == 0:
+        raise ValueError(f"{where} needs as many of each as of sources ({count}), has {lengths}")
+    for name, values in (("source", source), ("target", target), ("pose", poses)):
+        if not np.isfinite(values).all():
+            raise ValueError(f"{where} needs finite values, {name} has NaN or infinity")
+    _check_rigid(poses, where)
+    return Pairs(
+        torch.from_numpy(source.astype(np.float32)),
+        torch.from_numpy(target.astype(np.float32)),
+        torch.from_numpy(poses.astype(np.float64)),
+        torch.from_numpy(item.astype(np.int64)),
+        tuple(group[label].asstr()[:]),
+    )
+
+
+def _check_rigid(poses: np.ndarray[Any, Any], where: str) -> None:
+    R = poses[:, :3, :3]
+    off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    bottom = np.abs(poses[:, 3] - np.array([0, 0, 0, 1])).max(axis=1)
+    bad = (off > RIGID_TOLERANCE) | (bottom > 0) | (np.linalg.det(R) < 0)
+    if bad.any():
+        raise ValueError(f"{where} needs rigid poses, pair {int(np.argmax(bad))} has another")
+
+
+def read_provenance(path: Path) -> dict[str, Any]:
+    """What a pair file says of its own making.
+
+    Raises:
+        ValueError: It is not a pair file.
+    """
+    try:
+        with h5py.File(path) as file:
+            provenance: dict[str, Any] = json.loads(file.attrs["provenance"])
+            return provenance
+    except (KeyError, OSError, ValueError) as error:
+        raise ValueError(f"{path} is not a pair file with a provenance: {error}") from error
+
+
+# Weights and curves.
+
+
+def write_weights(path: Path, weights: Mapping[str, Tensor], facts: Mapping[str, object]) -> None:
+    """Write weights with one JSON record of what they are; two records would vary in order."""
+    tensors = {name: value.contiguous() for name, value in weights.items()}
+    write_atomically(path, save(tensors, {"facts": json.dumps(facts, sort_keys=True)}))
+
+
+def read_weights(path: Path, method: str) -> dict[str, Tensor]:
+    """Read the weights of ``method``.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: It is not a safetensors file, or holds another method's weights.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"weights are needed at {path}, there are none: run train")
+    try:
+        with safe_open(path, framework="pt") as file:
+            facts = json.loads((file.metadata() or {}).get("facts", "{}"))
+            if facts.get("method") != method:
+                raise ValueError(f"{path} needs weights of {method}, has {facts.get('method')}")
+            return {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except SafetensorError as error:
+        raise ValueError(f"{path} is not a safetensors file: {error}") from error
+
+
+def write_curve(path: Path, curve: "Sequence[Epoch]") -> None:
+    """Write a training curve, one row an epoch; not validated: empty."""
+    names = list(curve[0].losses)
+    head = ["epoch", "step", "learning_rate", *names, "val_error_r_deg", "val_error_t"]
+    rows = [
+        [e.epoch, e.step, e.learning_rate, *e.losses.values(), e.val_error_r_deg, e.val_error_t]
+        for e in curve
+    ]
+    write_atomically(path, _csv([head, *rows]))
+
+
+# Answers.
+
+
+ANSWER = ["pair", "item", "group", "setting", "failure", "error_r_deg", "error_t"]
+ANSWER += ["rx_deg", "ry_deg", "rz_deg", "tx", "ty", "tz"]
+ANSWER += [f"T{row}{column}" for row in range(3) for column in range(4)]
+
+
+def write_estimates(path: Path, truth: Pairs, answers: "Mapping[str, Estimates]") -> None:
+    """Write a row per setting and pair: how far off, and the answer itself."""
+    rows = [row for setting, given in answers.items() for row in _rows(truth, setting, given)]
+    write_atomically(path, _csv([ANSWER, *rows]))
+
+
+def write_ablation(
+    path: Path, truth: Pairs, answers: "Mapping[str, Mapping[str, Estimates]]"
+) -> None:
+    """Write the same rows for several methods, each led by its method's name."""
+    rows = [
+        [method, *row]
+        for method, settings in answers.items()
+        for setting, given in settings.items()
+        for row in _rows(truth, setting, given)
+    ]
+    write_atomically(path, _csv([["method", *ANSWER], *rows]))
+
+
+def _rows(truth: Pairs, setting: str, given: "Estimates") -> list[list[object]]:
+    pose, true_pose = given.T_target_source, truth.T_target_source
+    numbers = torch.cat(
+        [
+            error_r_deg(pose, true_pose).unsqueeze(-1),
+            error_t(pose, true_pose).unsqueeze(-1),
+            euler_difference_deg(pose, true_pose),
+            translation_difference(pose, true_pose),
+            pose[:, :3].flatten(1),
+        ],
+        dim=-1,
+    ).tolist()
+    return [
+        [k, int(truth.item[k]), truth.group[k], setting, given.failures[k], *numbers[k]]
+        for k in range(len(truth))
+    ]
+
+
+def _csv(rows: Sequence[Sequence[object]]) -> bytes:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode()

@@ -1,0 +1,131 @@
+"""Read what stands behind the numbers: how a method was trained, and on which data."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from jaxtyping import Float64
+
+from pipeline.result_files import read_csv
+
+
+@dataclass(frozen=True)
+class Training:
+    """What one training cost and how it went."""
+
+    scenario: str
+    method: str
+    budget: dict[str, Any]
+    """``epochs``, ``steps``, ``batch_size``, ``train_pairs``, ``parameters``, ``best_epoch``."""
+    curve: dict[str, list[float | None]]
+    """Column by column; None where nothing was measured."""
+
+
+def read_trainings(folder: Path) -> list[Training]:
+    """Read every ``<scenario>/<method>.json`` and the curve beside it, if there is one.
+
+    Raises:
+        ValueError: A file is cut short or not what it should be.
+    """
+    return [
+        Training(file.parent.name, file.stem, _read_budget(file), _curve(file.with_suffix(".csv")))
+        for file in sorted(folder.glob("*/*.json"))
+    ]
+
+
+def _read_budget(file: Path) -> dict[str, Any]:
+    try:
+        budget = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{file} needs a whole JSON object, got {error}") from None
+    if not isinstance(budget, dict):
+        raise ValueError(f"{file} needs a JSON object, got a {type(budget).__name__}")
+    return budget
+
+
+def _curve(file: Path) -> dict[str, list[float | None]]:
+    if not file.exists():
+        return {}
+    header, rows = read_csv(file)
+    missing = sorted({"epoch", "step", "loss"} - {*header})
+    if missing:
+        raise ValueError(f"{file} needs the columns {', '.join(missing)}, it lacks them")
+    columns = zip(header, zip(*rows, strict=True), strict=bool(rows))
+    return {name: [_maybe_number(text) for text in column] for name, column in columns}
+
+
+def _maybe_number(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if np.isfinite(value) else None
+
+
+@dataclass(frozen=True)
+class PairFacts:
+    """What a pair file says about itself."""
+
+    scenario: str
+    source: str
+    """Where the raw data came from: ``synthetic``, ``local``, ``download`` or ``unknown``."""
+    unit: str
+    seed: int
+    schema: int
+    test_pairs: int
+    provenance: dict[str, Any]
+
+
+def read_pair_facts(folder: Path, scenario: str) -> PairFacts:
+    """Read the root attributes of ``<scenario>.h5``.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: It is not a pair file.
+    """
+    with open_pairs(folder, scenario) as file:
+        provenance = json.loads(file.attrs["provenance"])
+        return PairFacts(
+            scenario=scenario,
+            source=str(provenance.get("source", "unknown")),
+            unit=str(file.attrs["unit"]),
+            seed=int(file.attrs["seed"]),
+            schema=int(file.attrs["schema"]),
+            test_pairs=len(file["test/source"]),
+            provenance=provenance,
+        )
+
+
+def read_test_pair(
+    folder: Path, scenario: str, pair: int
+) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "m 3"]]:
+    """Read source and target of one test pair of ``<scenario>.h5``, each in its own frame.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: It is not a pair file, or has no such pair.
+    """
+    with open_pairs(folder, scenario) as file:
+        count = len(file["test/source"])
+        if not 0 <= pair < count:
+            raise ValueError(f"{file.filename} needs a test pair {pair}, it has {count}")
+        source, target = file["test/source"][pair], file["test/target"][pair]
+        return np.asarray(source, np.float64), np.asarray(target, np.float64)
+
+
+@contextmanager
+def open_pairs(folder: Path, scenario: str) -> Iterator[h5py.File]:
+    """Open ``<scenario>.h5`` to read, and say in one sentence what is wrong with it."""
+    path = folder / f"{scenario}.h5"
+    if not path.exists():
+        raise FileNotFoundError(f"{path} is needed to say what the results stand on, found none")
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except (OSError, KeyError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path} needs to be a pair file, got {error}") from None

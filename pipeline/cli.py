@@ -1,0 +1,136 @@
+"""The ``pcrdiff`` command. Everything slow is imported by the command that needs it."""
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+from typer.core import TyperGroup
+
+if TYPE_CHECKING:
+    from pipeline.doctor import Level
+
+
+class OneSentence(TyperGroup):
+    """Wrong input is one sentence on stderr and exit code 1, never a traceback."""
+
+    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401  typer's own signature
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except (ValueError, OSError) as error:
+            typer.echo(f"pcrdiff: {' '.join(str(error).split())}", err=True)
+            raise typer.Exit(1) from error
+
+
+app = typer.Typer(
+    cls=OneSentence,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Point cloud registration by diffusion, reproducible with DVC and MLflow.",
+)
+mlflow_app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Send finished stages to MLflow, and look at them.",
+)
+app.add_typer(mlflow_app, name="mlflow")
+
+COLOURS: "dict[Level, str]" = {"ok": "green", "warning": "yellow", "error": "red"}
+
+
+@app.command()
+def plan(
+    targets: Annotated[list[str] | None, typer.Argument(help="Stages; all if none.")] = None,
+) -> None:
+    """Show which stages `dvc repro` would run, and run none."""
+    become_module("dvc", "repro", "--dry", *(targets or []))
+
+
+@app.command()
+def profile(
+    name: Annotated[str, typer.Argument(help="A file of profiles/: quick, cpu, paper.")],
+    force: Annotated[bool, typer.Option("--force", help="Drop values of your own.")] = False,
+) -> None:
+    """Make params.yaml a copy of a profile and print what changed."""
+    from pipeline.profiles import write_profile
+
+    changed = write_profile(_root(), name, force=force)
+    for line in changed:
+        typer.echo(line)
+    typer.echo(f"params.yaml is now {name}: {len(changed)} values changed")
+
+
+@mlflow_app.command("sync")
+def mlflow_sync() -> None:
+    """Send the journals of finished stages, and the stages DVC restored, to MLflow."""
+    from pipeline.mlflow_sync import sync
+
+    report = sync(_root())
+    typer.echo(report.sentence(), err=bool(report.problems))
+    raise typer.Exit(1 if report.problems else 0)
+
+
+@mlflow_app.command("ui")
+def mlflow_ui(port: Annotated[int, typer.Option(help="Port on 127.0.0.1.")] = 5000) -> None:
+    """Open MLflow's pages on this project's store, for this machine only."""
+    from pipeline.mlflow_sync import artifacts_folder, open_store, public, tracking_uri
+
+    root = _root()
+    uri = tracking_uri(root)
+    if uri.startswith(("http://", "https://")):
+        typer.echo(f"the store is a server already: {public(uri)}")
+        return
+    open_store(root)  # under a lock: a server that creates the tables may meet a stage doing it
+    store = ["--backend-store-uri", uri, "--default-artifact-root", artifacts_folder(uri) or uri]
+    typer.echo(f"http://127.0.0.1:{port}")
+    become_module(
+        "mlflow", "server", "--host", "127.0.0.1", "--port", str(port), "--workers", "1", *store
+    )
+
+
+@app.command()
+def doctor() -> None:
+    """Check what the pipeline needs, and say what is wrong."""
+    from pipeline.doctor import examine
+
+    levels = set()
+    for finding in examine(_root()):
+        levels.add(finding.level)
+        typer.secho(f"{finding.level:8}", fg=COLOURS[finding.level], nl=False)
+        typer.echo(f" {finding.sentence}")
+    raise typer.Exit(1 if "error" in levels else 0)
+
+
+@app.command()
+def clean(
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only list.")] = False,
+    days: Annotated[float, typer.Option(min=0, help="Keep checkpoints younger than this.")] = 7.0,
+) -> None:
+    """Remove what killed runs left: experiment folders, old checkpoints, sent journals."""
+    from pipeline.housekeeping import leftovers, remove
+
+    root = _root()
+    found = leftovers(root, days=days)
+    for leftover in found:
+        if not dry_run:
+            remove(leftover)
+        typer.echo(f"{leftover.what}: {leftover.path.relative_to(root)}")
+    typer.echo(f"{len(found)} {'to remove' if dry_run else 'removed'}")
+
+
+def become_module(*words: str) -> NoReturn:
+    """Go on as ``python -m <words>`` in this very process, so that signals and codes are its own."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    sys.stdout.flush()
+    command = [sys.executable, "-m", *words]
+    os.execve(sys.executable, command, {**os.environ, "PATH": path})
+
+
+def _root() -> Path:
+    """Return the project the command is run in."""
+    from pipeline.invocation import project_root
+
+    return project_root()

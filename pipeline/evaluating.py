@@ -1,0 +1,64 @@
+"""Running one method, in each of its settings, over the test pairs of one scenario."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from pcrdiff.evaluation import Estimates, evaluate
+from pcrdiff.metrics import error_r_deg, error_t
+from pcrdiff.registration import LearnedMethod, Method, Pairs
+from pipeline.artifacts import read_pairs, read_weights
+from pipeline.building import build_classical, build_learned
+from pipeline.params import Diffusion, Methods, Params
+from pipeline.progress import bar
+from pipeline.seeding import stream
+
+
+def evaluate_method(
+    params: Params, name: str, pairs: Path, weights: Path | None
+) -> tuple[Pairs, Mapping[str, Estimates]]:
+    """The test pairs, and the method's answers by setting; ``weights`` are a learned method's.
+
+    Raises:
+        FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
+    """
+    settings: Mapping[str, Method]
+    if weights is None:
+        settings = build_classical(name, params.methods, read_pairs(pairs, "train"))
+    else:
+        settings = {"paper": load_learned(name, params.methods, params.diffusion, weights)}
+    test = read_pairs(pairs, "test")
+    return test, {setting: answer(params, method, test) for setting, method in settings.items()}
+
+
+def answer(params: Params, method: Method, test: Pairs) -> Estimates:
+    """Register the test pairs, each from its own seed, the same for every method."""
+    return evaluate(method, test, seed=stream(params.seed, "evaluate"), progress=bar)
+
+
+def load_learned(name: str, methods: Methods, diffusion: Diffusion, weights: Path) -> LearnedMethod:
+    """A trained method.
+
+    Raises:
+        FileNotFoundError, ValueError: The weights are not there, or are those of another network.
+    """
+    method = build_learned(name, methods, diffusion)
+    try:
+        method.load_state_dict(read_weights(weights, name))
+    except RuntimeError as error:
+        raise ValueError(f"{weights} does not fit {name} as params.yaml has it: {error}") from error
+    return method.eval()
+
+
+def summarise(test: Pairs, answers: Mapping[str, Estimates]) -> dict[str, float]:
+    """Mean and median errors and the failures, by setting: what `dvc metrics` shows."""
+    summary: dict[str, float] = {}
+    for setting, given in answers.items():
+        angles = error_r_deg(given.T_target_source, test.T_target_source)
+        shifts = error_t(given.T_target_source, test.T_target_source)
+        summary |= {
+            f"{setting}.error_r_deg": angles.mean().item(),
+            f"{setting}.median_error_r_deg": angles.median().item(),
+            f"{setting}.error_t": shifts.mean().item(),
+            f"{setting}.failures": float(sum(map(bool, given.failures))),
+        }
+    return summary

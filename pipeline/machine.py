@@ -1,0 +1,26 @@
+"""What a long computation asks of the machine it runs on."""
+
+import ctypes
+import os
+import sys
+
+import torch
+
+_M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_MAX = -1, -2, -4  # glibc's mallopt
+
+
+def settle(threads: int) -> None:
+    """Fix the thread count, flush denormals, and keep freed memory in the process.
+
+    The thread count is part of the result: sums are cut differently for another one. Denormals
+    (in Adam's moments and in softmax tails) cost a factor on every step that meets them. glibc
+    hands large blocks back to the kernel after each step and asks for them again in the next.
+    """
+    torch.set_num_threads(threads)
+    torch.set_flush_denormal(True)
+    torch.use_deterministic_algorithms(True)
+    if sys.platform == "linux" and os.confstr("CS_GNU_LIBC_VERSION"):
+        libc = ctypes.CDLL(None)
+        libc.mallopt(_M_MMAP_MAX, 0)
+        libc.mallopt(_M_TRIM_THRESHOLD, 2**31 - 1)
+        libc.mallopt(_M_TOP_PAD, 2**29)

@@ -1,0 +1,121 @@
+"""Journals read back: one frozen record a stage run, whatever state its writer left it in."""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from pipeline.invocation import Pipeline
+from pipeline.tracking import EVENTS, LOCK, journals_folder
+
+
+@dataclass(frozen=True)
+class Point:
+    """One value of one metric; times in ms since 1970."""
+
+    name: str
+    value: float
+    time: int
+    step: int
+
+
+@dataclass(frozen=True)
+class Record:
+    """What one stage run left behind; times in ms since 1970."""
+
+    folder: Path
+    stage: str
+    workspace: str
+    pipeline: Pipeline
+    params: Mapping[str, object]
+    inputs: Mapping[str, str]
+    outputs: Mapping[str, str]
+    points: tuple[Point, ...]
+    artifacts: tuple[str, ...]
+    start: int
+    end: int
+    status: str
+    """``FINISHED``, ``FAILED``, ``RUNNING``, or ``KILLED``: no end, and nobody holds the lock."""
+    error: str
+    restored: bool
+    """True if DVC took the stage's outputs from its cache, or found them unchanged."""
+
+    @property
+    def id(self) -> str:
+        """The journal's name, unique for ever."""
+        return self.folder.name
+
+
+def waiting_records(root: Path) -> list[Record]:
+    """Read the journals that are not in MLflow yet, in the order their stages started."""
+    return _records(journals_folder(root))
+
+
+def shipped_records(root: Path) -> list[Record]:
+    """Read the journals that are in MLflow, in the order their stages started."""
+    return _records(journals_folder(root) / "done")
+
+
+def _records(parent: Path) -> list[Record]:
+    found = [read_record(path.parent) for path in sorted(parent.glob(f"*/{EVENTS}"))]
+    return sorted((record for record in found if record), key=lambda r: (r.start, r.id))
+
+
+def read_record(folder: Path) -> Record | None:
+    """Read one journal; None if not even its first line was written whole."""
+    events = list(_events(folder / EVENTS))
+    if not events or events[0].get("event") != "start":
+        return None
+    first = events[0]
+    end = next((event for event in reversed(events) if event["event"] == "end"), None)
+    status = end["status"] if end else "RUNNING" if _is_held(folder / LOCK) else "KILLED"
+    return Record(
+        folder=folder,
+        stage=first["stage"],
+        workspace=first["workspace"],
+        pipeline=Pipeline(**first["pipeline"]),
+        params=first["params"],
+        inputs=first["inputs"],
+        outputs=_merged(event["outputs"] for event in events if event["event"] == "outputs"),
+        points=tuple(point for event in events for point in _points(event)),
+        artifacts=tuple(event["path"] for event in events if event["event"] == "artifact"),
+        start=first["time"],
+        end=(end or events[-1])["time"],
+        status=status,
+        error=end["error"] if end else "",
+        restored=bool(first.get("restored")),
+    )
+
+
+def _events(path: Path) -> Iterator[dict[str, Any]]:
+    """Yield the lines that are whole; a killed or starved writer may have torn the last."""
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        try:
+            event = json.loads(line)
+        except ValueError:
+            continue
+        if isinstance(event, dict) and "event" in event:
+            yield event
+
+
+def _points(event: Mapping[str, Any]) -> list[Point]:
+    if event["event"] != "metrics":
+        return []
+    step = event["step"] or 0
+    return [Point(name, value, event["time"], step) for name, value in event["values"].items()]
+
+
+def _merged(mappings: Iterable[Mapping[str, str]]) -> dict[str, str]:
+    return {key: value for mapping in mappings for key, value in mapping.items()}
+
+
+def _is_held(lock: Path) -> bool:
+    """Tell whether the writer is alive; the kernel frees its lock however it dies."""
+    try:
+        with FileLock(lock, blocking=False):
+            return False
+    except Timeout:
+        return True

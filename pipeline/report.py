@@ -1,0 +1,58 @@
+"""From folders of results to everything under ``reports/``."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.background import read_pair_facts, read_trainings
+from pipeline.markdown import render_markdown
+from pipeline.overlays import read_overlays
+from pipeline.page import Contents, render_page
+from pipeline.pictures import draw_all
+from pipeline.result_files import read_results
+from pipeline.tables import format_rows, make_rows
+from pipeline.views import banner, make_tables, summarise
+
+BOOTSTRAP_SEED = 0
+
+
+@dataclass(frozen=True)
+class Report:
+    """The files under ``reports/``, not yet written."""
+
+    table: str
+    markdown: str
+    page: str
+    summary: str
+    pictures: dict[str, bytes]
+    """By file name."""
+
+
+def make_report(results: Path, models: Path, pairs: Path, *, profile: str) -> Report:
+    """Compute all numbers once and render them: the same inputs, the same bytes.
+
+    Args:
+        results: Folder of ``<scenario>/<method>.csv`` and ``ablations/<name>.csv``.
+        models: Folder of ``<scenario>/<method>.json`` with a curve ``.csv`` beside each.
+        pairs: Folder of the pair files ``<scenario>.h5``.
+        profile: Name of the profile the numbers were made with.
+
+    Raises:
+        FileNotFoundError: There are no results, or no pair file for some of them.
+        ValueError: A file is cut short or ill-formed.
+    """
+    scores = read_results(results)
+    trainings = read_trainings(models)
+    facts = {name: read_pair_facts(pairs, name) for name in {one.scenario for one in scores}}
+    rows = make_rows(scores, seed=BOOTSTRAP_SEED)
+    tables = make_tables(rows, trainings, facts)
+    overlays = read_overlays(scores, pairs)
+    warning = banner(profile, facts.values())
+    contents = Contents(rows, tables, overlays, trainings, facts, profile, warning)
+    return Report(
+        table=format_rows(rows),
+        markdown=render_markdown(tables, facts, warning),
+        page=render_page(contents),
+        summary=json.dumps(summarise(rows, profile), indent=2, sort_keys=True) + "\n",
+        pictures=draw_all(rows, overlays, trainings),
+    )

@@ -1,0 +1,167 @@
+"""Read the result files: what each method scored on each pair, checked before it is believed."""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+
+from pipeline.paper import UNSEEN_OBJECTS
+
+EULER = ("rx_deg", "ry_deg", "rz_deg")
+SHIFT = ("tx", "ty", "tz")
+POSE = tuple(f"T{row}{column}" for row in range(3) for column in range(4))
+NUMBERS = ("error_r_deg", "error_t", *EULER, *SHIFT, *POSE)
+COLUMNS = ("pair", "item", "group", "setting", "failure", *NUMBERS)
+EXTRAS = ("recall", "seconds")
+"""Columns a file may have besides: 0 or 1 by the benchmark's own test, and the time taken."""
+ABLATIONS = "ablations"
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How one method did on the test pairs of one scenario under one setting."""
+
+    ablation: str | None
+    """The ablation these scores belong to; None for a main table."""
+    scenario: str
+    method: str
+    setting: str
+    pair: Int64[np.ndarray, " pairs"]
+    """Index in the test group of the pair file, ascending."""
+    group: tuple[str, ...]
+    """Category or scene of each pair."""
+    failed: Bool[np.ndarray, " pairs"]
+    numbers: dict[str, Float64[np.ndarray, " pairs"]]
+    """The columns ``NUMBERS`` and those of ``EXTRAS`` the file has."""
+
+    def columns(self, names: tuple[str, ...]) -> Float64[np.ndarray, "pairs names"]:
+        """Put some of the numbers side by side."""
+        return np.stack([self.numbers[name] for name in names], axis=-1)
+
+    def T_target_source(self) -> Float64[np.ndarray, "pairs 4 4"]:
+        """Give the estimated poses."""
+        poses = np.tile(np.eye(4), (len(self.pair), 1, 1))
+        poses[:, :3] = self.columns(POSE).reshape(-1, 3, 4)
+        return poses
+
+
+def read_results(folder: Path) -> list[Scores]:
+    """Read every ``<scenario>/<method>.csv`` and ``ablations/<name>.csv`` under ``folder``.
+
+    Raises:
+        FileNotFoundError: There is none.
+        ValueError: One is cut short or ill-formed, or its pairs are not those of its neighbours.
+    """
+    files = sorted(folder.glob("*/*.csv"))
+    if not files:
+        raise FileNotFoundError(f"{folder} needs a <scenario>/<method>.csv, found none")
+    scores = [one for file in files for one in read_scores(file)]
+    _check_same_pairs(folder, scores)
+    return scores
+
+
+def read_scores(file: Path) -> list[Scores]:
+    """Read one result file: one ``Scores`` for each scenario, method and setting in it.
+
+    Raises:
+        ValueError: The file is cut short, has other columns, or holds no finite number somewhere.
+    """
+    header, rows = read_csv(file)
+    _check_columns(file, header)
+    where = {name: index for index, name in enumerate(header)}
+    extras = tuple(name for name in EXTRAS if name in where)
+    groups: dict[tuple[str, str, str], list[list[str]]] = {}
+    for row in rows:
+        scenario, method = file.parent.name, file.stem
+        if _is_ablation(file):
+            scenario = row[where["scenario"]] if "scenario" in where else UNSEEN_OBJECTS
+            method = row[where["method"]]
+        groups.setdefault((scenario, method, row[where["setting"]]), []).append(row)
+    return [
+        _scores(file, key, [dict(zip(header, row, strict=True)) for row in group], extras)
+        for key, group in sorted(groups.items())
+    ]
+
+
+def _scores(
+    file: Path, key: tuple[str, str, str], rows: list[dict[str, str]], extras: tuple[str, ...]
+) -> Scores:
+    scenario, method, setting = key
+    pair = np.array([_number(file, "pair", row["pair"]) for row in rows]).astype(np.int64)
+    order = np.argsort(pair, kind="stable")
+    twice = pair[order][1:][np.diff(pair[order]) == 0]
+    if len(twice):
+        raise ValueError(f"{file} needs one row a pair, has pair {twice[0]} twice in {setting}")
+    rows = [rows[index] for index in order]
+    return Scores(
+        ablation=file.stem if _is_ablation(file) else None,
+        scenario=scenario,
+        method=method,
+        setting=setting,
+        pair=pair[order],
+        group=tuple(row["group"] for row in rows),
+        failed=np.array([row["failure"] != "" for row in rows]),
+        numbers={
+            name: np.array([_number(file, name, row[name]) for row in rows])
+            for name in (*NUMBERS, *extras)
+        },
+    )
+
+
+def _number(file: Path, column: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise ValueError(f"{file} needs a finite number in column {column}, got {text!r}")
+    return value
+
+
+def read_csv(file: Path) -> tuple[list[str], list[list[str]]]:
+    """Read the header and the rows of a CSV file.
+
+    Raises:
+        ValueError: The file is empty, or ends or breaks off in the middle of a row.
+    """
+    text = file.read_text(encoding="utf-8")
+    if not text.endswith("\n"):
+        raise ValueError(f"{file} needs a whole last line, it is empty or cut short")
+    header, *rows = csv.reader(text.splitlines(keepends=True))
+    for number, row in enumerate(rows, start=2):
+        if len(row) != len(header):
+            raise ValueError(
+                f"{file} needs {len(header)} fields a row, row {number} has {len(row)}"
+            )
+    return header, rows
+
+
+def _is_ablation(file: Path) -> bool:
+    return file.parent.name == ABLATIONS
+
+
+def _check_columns(file: Path, header: list[str]) -> None:
+    needed = {*COLUMNS, *(["method"] if _is_ablation(file) else [])}
+    known = {*needed, *EXTRAS, *(["scenario"] if _is_ablation(file) else [])}
+    missing, unknown = sorted(needed - {*header}), sorted({*header} - known)
+    if missing:
+        raise ValueError(f"{file} needs the columns {', '.join(missing)}, it lacks them")
+    if unknown:
+        raise ValueError(f"{file} has columns nobody here reads: {', '.join(unknown)}")
+
+
+def _check_same_pairs(folder: Path, scores: list[Scores]) -> None:
+    union: dict[tuple[str | None, str], set[int]] = {}
+    for one in scores:
+        union.setdefault((one.ablation, one.scenario), set()).update(one.pair.tolist())
+    for one in scores:
+        wanted = len(union[one.ablation, one.scenario])
+        if len(one.pair) != wanted:
+            place = folder / (one.scenario if one.ablation is None else ABLATIONS)
+            file = place / f"{one.ablation or one.method}.csv"
+            raise ValueError(
+                f"{file} needs all {wanted} pairs its scenario was tried on,"
+                f" has {len(one.pair)} under {one.method}, {one.setting}"
+            )

@@ -1,0 +1,102 @@
+"""Training one method on one scenario as params.yaml says, and what there is to tell of it."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from pcrdiff.training import Budget, Checkpoint, Epoch, FreshPoses, Trainer, train
+from pipeline.artifacts import read_pairs
+from pipeline.building import build_learned
+from pipeline.params import Params
+from pipeline.progress import bar
+from pipeline.seeding import stream
+from pipeline.tracking import Journal
+
+CODE = (Path("pcrdiff"), Path("pipeline/building.py"), Path("pipeline/training.py"))
+"""What a half-done training was made with: if it changes, the training starts anew."""
+
+
+@dataclass(frozen=True)
+class Trained:
+    """The outcome of a training."""
+
+    weights: dict[str, Tensor]
+    """Of the epoch that did best on the validation pairs."""
+    curve: list[Epoch]
+    facts: dict[str, object]
+    """How much training this was."""
+
+    def note(self, notes: Journal) -> None:
+        """Put the curve and the facts into the journal."""
+        for epoch in self.curve:
+            values = {f"train_{name}": value for name, value in epoch.losses.items()}
+            values["learning_rate"] = epoch.learning_rate
+            if epoch.val_error_r_deg is not None and epoch.val_error_t is not None:
+                values["val_error_r_deg"] = epoch.val_error_r_deg
+                values["val_error_t"] = epoch.val_error_t
+            notes.metrics(values, step=epoch.epoch)
+        notes.metrics({name: v for name, v in self.facts.items() if isinstance(v, int | float)})
+
+
+def training_params(params: Params, scenario: str, method: str) -> dict[str, Any]:
+    """All of params.yaml that a training depends on."""
+    return {
+        "seed": params.seed,
+        "threads": params.threads,
+        "scenario": scenario,
+        "method": method,
+        "epochs": params.epochs[scenario][method],
+        "poses": params.train.poses,
+        "timesteps": params.diffusion.timesteps,
+        "architecture": params.methods.model_dump().get(method, {}),
+        **getattr(params.train, method).model_dump(),
+    }
+
+
+def train_method(
+    params: Params, scenario: str, method: str, pairs: Path, checkpoint: Checkpoint
+) -> Trained:
+    """Train a method to the end of its budget.
+
+    Raises:
+        FileNotFoundError, ValueError: The pair file is not there or not one.
+        RuntimeError: A gradient is not finite.
+    """
+    torch.manual_seed(stream(params.seed, f"init/{scenario}/{method}"))
+    network = build_learned(method, params.methods, params.diffusion)
+    data, val = read_pairs(pairs, "train"), read_pairs(pairs, "val")
+    settings = getattr(params.train, method)
+    budget = Budget(params.epochs[scenario][method], **settings.model_dump())
+    made = params.scenarios[scenario]
+    fresh = FreshPoses(made.max_rotation, made.max_translation)
+    trainer = Trainer(
+        network,
+        data,
+        val,
+        budget,
+        fresh if params.train.poses == "fresh" else None,
+        seed=stream(params.seed, f"train/{scenario}/{method}"),
+    )
+    weights, curve = train(trainer, checkpoint, bar)
+    facts = {
+        "method": method,
+        "scenario": scenario,
+        "epochs": budget.epochs,
+        "steps": curve[-1].step,
+        "batch_size": budget.batch_size,
+        "train_pairs": len(data),
+        "parameters": sum(p.numel() for p in network.parameters()),
+        "best_epoch": trainer.best_epoch,
+        "val_error_r_deg": _or_none(trainer.best_error),
+        "poses": params.train.poses,
+        "timesteps": params.diffusion.timesteps,
+    }
+    return Trained(weights, curve, facts)
+
+
+def _or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None

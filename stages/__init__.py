@@ -1,0 +1,1 @@
+"""One DVC stage is one file."""

@@ -1,0 +1,26 @@
+"""DVC stage ``acquire``: a raw data set in its official layout, made up, named or downloaded."""
+
+import argparse
+from pathlib import Path
+
+from pipeline.acquiring import acquire
+from pipeline.params import read_params
+from pipeline.stage import run
+from pipeline.tracking import journal
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Read params, acquire the data set, write its manifest."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--dataset", required=True)
+    parser.add_argument("--out", type=Path, required=True)
+    args = parser.parse_args(argv)
+
+    params = read_params()
+    section = params.acquire[args.dataset]
+    with journal(params=section.model_dump()):
+        acquire(section, args.out, seed=params.seed)
+
+
+if __name__ == "__main__":
+    run(main)

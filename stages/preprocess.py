@@ -1,0 +1,31 @@
+"""DVC stage ``preprocess``: a raw data set to the pair file of one scenario."""
+
+import argparse
+from pathlib import Path
+
+from pipeline.artifacts import write_pairs
+from pipeline.params import read_params
+from pipeline.preprocessing import preprocess
+from pipeline.stage import run
+from pipeline.tracking import journal
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Read params and the raw items, make the pairs of each split, write them."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenario", required=True)
+    parser.add_argument("--raw", type=Path, required=True)
+    parser.add_argument("--pairs", type=Path, required=True)
+    args = parser.parse_args(argv)
+
+    params = read_params()
+    section = params.scenarios[args.scenario]
+    family = params.acquire[section.dataset].family
+    with journal(params=section.model_dump(), inputs=[args.raw]) as notes:
+        made = preprocess(args.scenario, section, family, args.raw, seed=params.seed)
+        write_pairs(args.pairs, made.splits, made.label, made.attributes)
+        notes.metrics({f"{name}_pairs": len(pairs) for name, pairs in made.splits.items()})
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,32 @@
+"""Shapes in signatures are checked while the tests run; random cases are repeatable."""
+
+import os
+from pathlib import Path
+
+import pytest
+import torch
+from hypothesis import settings
+from jaxtyping import install_import_hook
+
+install_import_hook(("pcrdiff",), "beartype.beartype")
+settings.register_profile("pcrdiff", deadline=None, derandomize=True)
+settings.load_profile("pcrdiff")
+torch.set_num_threads(1)
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """The folder of real data sets; a test that asks for it is skipped where there is none."""
+    told = os.environ.get("PCRDIFF_REAL_DATA")
+    folder = Path(told) if told else REPOSITORY.parent / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip(f"no real data: {'PCRDIFF_REAL_DATA' if told else '../shared/data'} is absent")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """The project's own folder."""
+    return REPOSITORY

@@ -1,0 +1,271 @@
+"""The command line: quick to start, careful with what is yours, one sentence when it refuses."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from filelock import FileLock
+from typer.testing import CliRunner, Result
+
+from pipeline import cli
+from pipeline.doctor import CHECKS, Finding, check_code_in_git, check_lock, check_weights, examine
+from pipeline.housekeeping import SETTLING_SECONDS
+from pipeline.invocation import VARIABLE
+from pipeline.tracking import journals_folder
+
+REPOSITORY = Path(__file__).parents[2]
+QUICK = "# how many\nsteps: 1  # denoising\nsizes:\n- 1\n- 2\n"
+PAPER = "# how many\nsteps: 200  # denoising\nsizes:\n- 1\n- 2\n"
+
+
+@pytest.fixture(autouse=True)
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name in ("DVC_ROOT", "DVC_EXP_NAME", "MLFLOW_TRACKING_URI", VARIABLE):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.chdir(tmp_path)
+    subprocess.run(["git", "init", "--quiet"], check=True)
+    (tmp_path / "profiles").mkdir()
+    (tmp_path / "profiles" / "quick.yaml").write_text(QUICK)
+    (tmp_path / "profiles" / "paper.yaml").write_text(PAPER)
+    (tmp_path / "params.yaml").write_text(QUICK)
+    return tmp_path
+
+
+def pcrdiff(*words: str) -> Result:
+    return CliRunner().invoke(cli.app, words)
+
+
+def age(path: Path, seconds: float) -> None:
+    for some in [path, *path.rglob("*")]:
+        os.utime(some, (time.time() - seconds, time.time() - seconds))
+
+
+def test_help_imports_nothing_slow() -> None:
+    code = (
+        "import json, sys\nfrom pipeline.cli import app\n"
+        "try:\n    app(['--help'])\nexcept SystemExit:\n    pass\n"
+        "print(json.dumps(sorted(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, stdout=subprocess.PIPE)
+    loaded = {name.split(".")[0] for name in json.loads(done.stdout.splitlines()[-1])}
+    assert not loaded & {"torch", "mlflow", "open3d", "dvc", "numpy", "yaml", "filelock"}
+
+
+def test_a_profile_is_copied_with_its_comments_and_the_change_is_told(project: Path) -> None:
+    result = pcrdiff("profile", "paper")
+    assert result.exit_code == 0
+    assert (project / "params.yaml").read_text() == PAPER
+    assert result.stdout.splitlines() == [
+        "steps: 1 -> 200",
+        "params.yaml is now paper: 1 values changed",
+    ]
+    assert pcrdiff("profile", "paper").stdout == "params.yaml is now paper: 0 values changed\n"
+
+
+def test_a_profile_does_not_overwrite_values_of_your_own_unless_told_to(project: Path) -> None:
+    mine = QUICK.replace("steps: 1", "steps: 17")
+    (project / "params.yaml").write_text(mine)
+    result = pcrdiff("profile", "paper")
+    assert result.exit_code == 1
+    assert result.stderr.startswith("pcrdiff: params.yaml has values of its own")
+    assert (project / "params.yaml").read_text() == mine
+    assert pcrdiff("profile", "paper", "--force").exit_code == 0
+    assert (project / "params.yaml").read_text() == PAPER
+
+
+def test_params_without_a_profiles_comments_are_still_that_profile(project: Path) -> None:
+    (project / "params.yaml").write_text("sizes: [1, 2]\nsteps: 1\n")
+    assert pcrdiff("profile", "paper").exit_code == 0
+
+
+def test_the_first_params_may_be_missing(project: Path) -> None:
+    (project / "params.yaml").unlink()
+    assert pcrdiff("profile", "quick").exit_code == 0
+    assert (project / "params.yaml").read_text() == QUICK
+
+
+def test_an_unknown_profile_is_one_sentence_that_names_the_known() -> None:
+    result = pcrdiff("profile", "huge")
+    assert result.exit_code == 1
+    assert result.stderr.count("\n") == 1
+    assert "no profile 'huge'" in result.stderr
+    assert "paper, quick" in result.stderr
+
+
+def test_params_that_are_not_yaml_are_one_sentence(project: Path) -> None:
+    (project / "params.yaml").write_text("steps: [")
+    result = pcrdiff("profile", "paper")
+    assert result.exit_code == 1
+    assert "params.yaml is not YAML" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_plan_is_dvcs_dry_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, ...]] = []
+    monkeypatch.setattr(cli, "become_module", lambda *words: asked.append(words))
+    pcrdiff("plan", "report")
+    assert asked == [("dvc", "repro", "--dry", "report")]
+
+
+def test_plan_outside_a_dvc_repository_ends_as_dvc_does() -> None:
+    code = "from pipeline.cli import app; app(['plan'])"
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 253
+    assert "not inside of a DVC repository" in done.stderr
+
+
+def test_the_ui_serves_this_projects_store_to_this_machine_only(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[str, ...]] = []
+    monkeypatch.setattr(cli, "become_module", lambda *words: asked.append(words))
+    monkeypatch.setattr("pipeline.mlflow_sync.open_store", lambda root: asked.append((str(root),)))
+    assert pcrdiff("mlflow", "ui", "--port", "5001").exit_code == 0
+    assert asked[0] == (str(project),), "the tables are made before the server may"
+    words = " ".join(asked[1])
+    assert words.startswith("mlflow server --host 127.0.0.1 --port 5001")
+    assert f"--backend-store-uri sqlite:///{project}/mlflow.db" in words
+    assert f"--default-artifact-root {(project / 'mlruns').as_uri()}" in words
+
+
+def test_the_ui_of_a_server_is_the_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "https://me:secret@mlflow.example")
+    result = pcrdiff("mlflow", "ui")
+    assert result.stdout == "the store is a server already: https://mlflow.example\n"
+
+
+def test_a_sync_that_fails_says_so_and_exits_with_1(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "no-such-scheme://here")
+    result = pcrdiff("mlflow", "sync")
+    assert result.exit_code == 1
+    assert "did not answer" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def make_leftovers(root: Path) -> dict[str, Path]:
+    """Make one of everything clean looks at; those named old may go."""
+    standalone = root / ".dvc" / "tmp" / "exps" / "standalone"
+    checkpoints = root / ".pcrdiff" / "checkpoints"
+    found = {
+        "old experiment": standalone / "tmpdead",
+        "new experiment": standalone / "tmpnew",
+        "old checkpoint": checkpoints / "aa",
+        "new checkpoint": checkpoints / "bb",
+        "held checkpoint": checkpoints / "cc",
+        "old journal": journals_folder(root) / "done" / "shipped",
+        "waiting journal": journals_folder(root) / "waiting",
+    }
+    for folder in found.values():
+        folder.mkdir(parents=True)
+        (folder / "file").write_text("x")
+        (folder.parent / f"{folder.name}.lock").touch()
+    age(found["old experiment"], SETTLING_SECONDS + 60)
+    for name in ("old checkpoint", "held checkpoint"):
+        age(found[name], 8 * 86400)
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/cwd").exists(), reason="tells dead from living by /proc")
+def test_clean_removes_what_is_dead_and_only_that(project: Path) -> None:
+    found = make_leftovers(project)
+    old = {name for name in found if name.startswith("old")}
+    with FileLock(found["held checkpoint"].with_suffix(".lock")):
+        listed = pcrdiff("clean", "--dry-run")
+        assert listed.stdout.splitlines()[-1] == "3 to remove"
+        assert all(path.exists() for path in found.values())
+        assert pcrdiff("clean").stdout.splitlines()[-1] == "3 removed"
+    assert {name for name, path in found.items() if not path.exists()} == old
+    assert not found["old checkpoint"].with_suffix(".lock").exists()
+    assert pcrdiff("clean").stdout.splitlines()[-1] == "1 removed", "the one that was held"
+
+
+@pytest.mark.skipif(not Path("/proc/self/cwd").exists(), reason="tells dead from living by /proc")
+def test_clean_keeps_an_experiment_a_process_works_in(project: Path) -> None:
+    folder = make_leftovers(project)["old experiment"]
+    worker = subprocess.Popen(
+        [sys.executable, "-c", "print(1, flush=True); input()"],
+        cwd=folder,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
+    assert worker.stdout is not None
+    worker.stdout.readline()
+    pcrdiff("clean")
+    assert folder.exists()
+    worker.communicate(b"\n")
+    pcrdiff("clean")
+    assert not folder.exists()
+
+
+def test_doctor_shows_every_finding_and_fails_on_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def check_broken(_root: Path) -> Iterator[Finding]:
+        raise ValueError("steps must be an integer")
+
+    def check_fine(_root: Path) -> Iterator[Finding]:
+        yield Finding("ok", "all well")
+        yield Finding("warning", "but look")
+
+    monkeypatch.setattr("pipeline.doctor.CHECKS", (check_broken, check_fine))
+    result = pcrdiff("doctor")
+    assert result.exit_code == 1
+    assert [line.split() for line in result.stdout.splitlines()] == [
+        ["error", "broken:", "steps", "must", "be", "an", "integer"],
+        ["ok", "all", "well"],
+        ["warning", "but", "look"],
+    ]
+    monkeypatch.setattr("pipeline.doctor.CHECKS", (check_fine,))
+    assert pcrdiff("doctor").exit_code == 0
+
+
+def test_doctor_names_code_that_an_experiment_would_not_commit(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("GIT_AUTHOR_NAME", "GIT_COMMITTER_NAME"):
+        monkeypatch.setenv(name, "test")
+    for name in ("GIT_AUTHOR_EMAIL", "GIT_COMMITTER_EMAIL"):
+        monkeypatch.setenv(name, "test@localhost")
+    (finding,) = check_code_in_git(project)
+    assert finding.level == "error", "no commit yet"
+    subprocess.run(["git", "add", "--all"], check=True)
+    subprocess.run(["git", "commit", "--quiet", "-m", "start"], check=True)
+    (project / "new.py").touch()
+    (finding,) = check_code_in_git(project)
+    assert finding.level == "warning"
+    assert "new.py" in finding.sentence
+    subprocess.run(["git", "add", "--all"], check=True)
+    (finding,) = check_code_in_git(project)
+    assert finding.level == "ok"
+
+
+def test_doctor_names_torn_weights_and_other_versions(project: Path) -> None:
+    (project / "models" / "toy").mkdir(parents=True)
+    (project / "models" / "toy" / "cf.safetensors").write_bytes(b"torn")
+    (finding,) = check_weights(project)
+    assert finding.level == "error"
+    assert "models/toy/cf.safetensors cannot be read" in finding.sentence
+    (project / "requirements").mkdir()
+    (project / "requirements" / "lock.txt").write_text("typer==0.0.1 ; python_version > '3'\n")
+    (finding,) = check_lock(project)
+    assert finding.level == "warning"
+    assert "(locked 0.0.1)" in finding.sentence
+
+
+def test_every_check_of_doctor_says_something(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    named = {check.__name__ for check in CHECKS}
+    assert {"check_open3d", "check_mlflow", "check_params", "check_disk"} <= named
+    slow = {"check_open3d", "check_mlflow"}
+    quick = tuple(check for check in CHECKS if check.__name__ not in slow)
+    monkeypatch.setattr("pipeline.doctor.CHECKS", quick)
+    (project / "requirements").mkdir()
+    (project / "requirements" / "lock.txt").write_text("")
+    assert len(list(examine(project))) >= len(quick)

@@ -1,0 +1,407 @@
+"""Shipping journals: each stage run arrives once, whole, below its pipeline run."""
+
+import hashlib
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pipeline.invocation import VARIABLE, process_identity
+from pipeline.mlflow_sync import Store, open_store, sync, sync_after_report, tracking_uri
+from pipeline.records import Record, shipped_records, waiting_records
+from pipeline.tracking import journal, journals_folder
+
+if TYPE_CHECKING:
+    from mlflow.entities import Run
+
+REPOSITORY = Path(__file__).parents[2]
+METRICS = '{"all": {"recall_percent": 91.5, "method": "cf"}, "failures": 2}\n'
+
+
+@pytest.fixture(scope="module")
+def empty_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A database with tables and nothing in them: creating those takes seconds."""
+    root = tmp_path_factory.mktemp("store")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        patch.setattr("pipeline.mlflow_sync.EXPERIMENT", "other")
+        open_store(root)
+    return root / "mlflow.db"
+
+
+@pytest.fixture
+def bare_project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name in ("DVC_EXP_NAME", "DVC_EXP_BASELINE_REV", "MLFLOW_TRACKING_URI", VARIABLE):
+        monkeypatch.delenv(name, raising=False)
+    root = tmp_path / "project"
+    root.mkdir()
+    monkeypatch.setenv("DVC_ROOT", str(root))
+    monkeypatch.setenv(VARIABLE, "boot-1-1")
+    monkeypatch.chdir(root)
+    return root
+
+
+@pytest.fixture
+def project(bare_project: Path, empty_store: Path) -> Path:
+    shutil.copyfile(empty_store, bare_project / "mlflow.db")
+    return bare_project
+
+
+def run_stage(
+    monkeypatch: pytest.MonkeyPatch, stage: str, error: Exception | None = None
+) -> Record:
+    """Run a made-up stage that reads in.txt, notes a curve and keeps a picture."""
+    monkeypatch.setenv("DVC_STAGE", stage)
+    Path("in.txt").write_text("abc")
+    Path("plots").mkdir(exist_ok=True)
+    Path("plots/curve.png").write_bytes(b"picture")
+    params = {"train": {"epochs": 3, "sizes": [1, 2]}, "seed": 7}
+    try:
+        with journal(params=params, inputs=[Path("in.txt")]) as notes:
+            for step in range(3):
+                notes.metric("loss", 3.0 - step, step)
+            notes.artifact(Path("plots/curve.png"))
+            if error:
+                raise error
+    except RuntimeError:
+        pass
+    return next(r for r in waiting_records(Path.cwd()) if r.folder == notes.folder)
+
+
+def runs(root: Path, kind: str) -> "list[Run]":
+    client, experiment = open_store(root)
+    found: list[Run] = Store(client, experiment)._runs(**{"pcrdiff.kind": kind})
+    return found
+
+
+def by_stage(root: Path) -> "dict[str, Run]":
+    found = runs(root, "stage")
+    stages = {run.data.tags["dvc.stage"]: run for run in found}
+    assert len(stages) == len(found), "a stage arrived twice"
+    return stages
+
+
+def test_a_stage_arrives_with_all_that_its_journal_holds(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DVC_EXP_NAME", "parky-pein")
+    monkeypatch.setenv("DVC_EXP_BASELINE_REV", "a" * 40)
+    record = run_stage(monkeypatch, "train@toy")
+    report = sync(project)
+    assert (report.shipped, report.restored, report.waiting, report.problems) == (1, 0, 0, ())
+    client, _ = open_store(project)
+    (run,) = runs(project, "stage")
+    (parent,) = runs(project, "pipeline")
+    assert run.data.params == {"train.epochs": "3", "train.sizes": "[1, 2]", "seed": "7"}
+    history = client.get_metric_history(run.info.run_id, "loss")
+    assert [(m.step, m.value) for m in history] == [(0, 3.0), (1, 2.0), (2, 1.0)]
+    assert (run.info.start_time, run.info.end_time) == (record.start, record.end)
+    assert (run.info.status, run.info.run_name) == ("FINISHED", "train@toy")
+    md5 = hashlib.md5(b"abc").hexdigest()
+    assert run.inputs is not None
+    (data,) = run.inputs.dataset_inputs
+    assert (data.dataset.name, data.dataset.digest) == ("in.txt", md5)
+    expected = {
+        "input.in.txt": md5,
+        "dvc.exp": "parky-pein",
+        "dvc.baseline": "a" * 40,
+        "pcrdiff.pipeline": "exp:parky-pein@aaaaaaa",
+        "pcrdiff.journal": record.id,
+        "mlflow.parentRunId": parent.info.run_id,
+    }
+    assert expected.items() <= run.data.tags.items()
+    assert (parent.info.status, parent.info.run_name) == ("FINISHED", "parky-pein@aaaaaaa")
+    assert (parent.info.start_time, parent.info.end_time) == (record.start, record.end)
+
+
+def test_artifacts_are_there_when_the_workspace_and_the_journal_are_gone(
+    project: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    workspace = tmp_path / "temporary"
+    workspace.mkdir()
+    monkeypatch.chdir(workspace)
+    monkeypatch.setenv("DVC_STAGE", "train@toy")
+    Path("curve.png").write_bytes(b"picture")
+    with journal(params={}) as notes:
+        notes.artifact(Path("curve.png"))
+    monkeypatch.chdir(project)
+    shutil.rmtree(workspace)
+    sync(project)
+    shutil.rmtree(project / ".pcrdiff")
+    client, _ = open_store(project)
+    (run,) = runs(project, "stage")
+    assert run.info.artifact_uri.startswith((project / "mlruns").as_uri())
+    path = client.download_artifacts(run.info.run_id, "curve.png", str(tmp_path))
+    assert Path(path).read_bytes() == b"picture"
+
+
+def test_a_second_sync_sends_nothing_even_if_the_marks_are_lost(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = run_stage(monkeypatch, "train@toy")
+    assert sync(project).shipped == 1
+    (sent,) = runs(project, "stage")
+    assert sync(project).shipped == 0
+    done = journals_folder(project) / "done" / record.id
+    assert not (done / "artifacts").exists(), "copies of artifacts would pile up"
+    done.rename(record.folder)  # as if killed between sending and marking
+    sync(project)
+    (again,) = runs(project, "stage")
+    assert again.info.run_id == sent.info.run_id
+    assert len(runs(project, "pipeline")) == 1
+
+
+def test_a_run_that_was_sent_in_part_is_made_anew(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_stage(monkeypatch, "train@toy")
+    with monkeypatch.context() as patch:
+        patch.setattr(Store, "_log", lambda *_: (_ for _ in ()).throw(OSError("cut off")))
+        report = sync(project)
+    assert (report.shipped, report.waiting) == (0, 1)
+    assert "cut off" in report.problems[0]
+    sync(project)
+    (run,) = runs(project, "stage")
+    assert (run.info.status, run.data.metrics["loss"]) == ("FINISHED", 1.0)
+
+
+def test_a_failed_stage_fails_its_pipeline_run(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_stage(monkeypatch, "preprocess@toy")
+    run_stage(monkeypatch, "train@toy", RuntimeError("diverged"))
+    sync(project)
+    stages = by_stage(project)
+    assert stages["preprocess@toy"].info.status == "FINISHED"
+    assert stages["train@toy"].info.status == "FAILED"
+    assert stages["train@toy"].data.tags["pcrdiff.error"] == "RuntimeError: diverged"
+    (parent,) = runs(project, "pipeline")
+    assert parent.info.status == "FAILED"
+
+
+def test_a_stage_that_still_runs_waits_and_keeps_its_pipeline_run_open(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_stage(monkeypatch, "preprocess@toy")
+    monkeypatch.setenv("DVC_STAGE", "train@toy")
+    with journal(params={}):
+        report = sync(project)
+        assert (report.shipped, report.waiting) == (1, 1)
+        assert runs(project, "pipeline")[0].info.status == "RUNNING"
+    assert sync(project).shipped == 1
+    assert runs(project, "pipeline")[0].info.status == "FINISHED"
+
+
+def test_the_report_stage_closes_the_run_that_is_still_running(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, process_identity(os.getpid()))
+    run_stage(monkeypatch, "train@toy")
+    sync(project)
+    assert runs(project, "pipeline")[0].info.status == "RUNNING"
+    run_stage(monkeypatch, "report")
+    sync_after_report()
+    (parent,) = runs(project, "pipeline")
+    assert parent.info.status == "FINISHED"
+    assert parent.data.metrics["loss"] == 1.0, "the report's numbers stand for the whole run"
+    assert set(by_stage(project)) == {"train@toy", "report"}
+
+
+def write_lock(folder: Path, in_md5: str = hashlib.md5(b"abc").hexdigest()) -> None:
+    """Write a dvc.lock of three stages with the metrics of one of them."""
+    (folder / "results").mkdir()
+    (folder / "results" / "toy.json").write_text(METRICS)
+    md5 = hashlib.md5(METRICS.encode()).hexdigest()
+    text = {
+        "schema": "2.0",
+        "stages": {
+            "preprocess@toy": {"cmd": "p", "outs": [{"path": "in.txt", "md5": in_md5}]},
+            "train@toy": {
+                "cmd": "t",
+                "deps": [{"path": "in.txt", "md5": in_md5}],
+                "outs": [{"path": "model", "md5": "b" * 32}],
+            },
+            "evaluate@toy": {
+                "cmd": "e",
+                "deps": [{"path": "model", "md5": "b" * 32}],
+                "params": {"params.yaml": {"diffusion.steps": 4}},
+                "outs": [{"path": "results/toy.json", "md5": md5}],
+            },
+        },
+    }
+    (folder / "dvc.lock").write_text(json.dumps(text))  # JSON is YAML
+
+
+def test_stages_that_dvc_restored_appear_once_with_their_numbers(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_lock(project)
+    run_stage(monkeypatch, "train@toy")
+    run_stage(monkeypatch, "report")
+    report = sync_after_report()
+    assert (report.shipped, report.restored, report.problems) == (2, 2, ())
+    again = sync_after_report()
+    assert (again.shipped, again.restored) == (0, 0)
+    stages = by_stage(project)
+    assert set(stages) == {"preprocess@toy", "train@toy", "evaluate@toy", "report"}
+    evaluate = stages["evaluate@toy"]
+    assert evaluate.info.status == "FINISHED"
+    assert evaluate.data.params == {"diffusion.steps": "4"}
+    assert evaluate.data.metrics == {"all.recall_percent": 91.5, "failures": 2.0}
+    assert evaluate.data.tags["pcrdiff.restored"] == "true"
+    assert evaluate.data.tags["input.model"] == "b" * 32
+    assert "output.results/toy.json" in evaluate.data.tags
+    assert stages["train@toy"].data.tags["output.model"] == "b" * 32
+    assert "pcrdiff.restored" not in stages["train@toy"].data.tags
+
+
+def test_the_restored_stages_of_a_temporary_workspace_come_from_its_own_lock(
+    project: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    workspace = tmp_path / "temporary"
+    workspace.mkdir()
+    write_lock(workspace)
+    monkeypatch.chdir(workspace)
+    monkeypatch.setenv("DVC_STAGE", "report")
+    with journal(params={}):
+        pass
+    assert sync_after_report().restored == 3
+    assert set(by_stage(project)) == {"preprocess@toy", "train@toy", "evaluate@toy", "report"}
+
+
+def test_by_hand_the_newest_run_gets_its_restored_stages_when_it_is_over(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_lock(project)
+    monkeypatch.setenv(VARIABLE, process_identity(os.getpid()))
+    run_stage(monkeypatch, "train@toy")
+    assert sync(project).restored == 0, "evaluate may still be about to run"
+    monkeypatch.setenv(VARIABLE, "boot-2-2")
+    run_stage(monkeypatch, "train@toy")
+    assert sync(project).restored == 2
+    assert sync(project).restored == 0
+
+
+def test_a_lock_of_another_state_restores_nothing(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_lock(project, in_md5="c" * 32)
+    run_stage(monkeypatch, "train@toy")
+    report = sync(project)
+    assert (report.shipped, report.restored) == (1, 0)
+
+
+def test_a_broken_lock_is_a_problem_and_the_journals_still_arrive(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (project / "dvc.lock").write_text("stages: [")
+    run_stage(monkeypatch, "train@toy")
+    report = sync(project)
+    assert report.shipped == 1
+    assert "dvc.lock is not a dvc.lock" in report.problems[0]
+
+
+def test_a_dead_server_costs_seconds_and_loses_nothing(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with socket.socket() as refused:
+        refused.bind(("127.0.0.1", 0))
+        port = refused.getsockname()[1]
+    for name in ("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "MLFLOW_HTTP_REQUEST_TIMEOUT"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"http://me:secret@127.0.0.1:{port}")
+    write_lock(project)
+    run_stage(monkeypatch, "train@toy")
+    run_stage(monkeypatch, "report")
+    began = time.monotonic()
+    report = sync_after_report()
+    assert time.monotonic() - began < 30
+    assert (report.shipped, report.waiting) == (0, 4)
+    (problem,) = report.problems
+    assert "did not answer" in problem
+    assert "4 journals are kept for `pcrdiff mlflow sync`" in problem
+    assert "secret" not in report.sentence()
+    monkeypatch.delenv("MLFLOW_TRACKING_URI")
+    assert sync(project).sentence().startswith("2 stage runs and 2 restored ones sent")
+
+
+def test_a_bad_journal_does_not_hold_up_the_others(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bad = run_stage(monkeypatch, "train@bad")
+    run_stage(monkeypatch, "train@good")
+    fill = Store._fill
+
+    def fails_for_bad(self: Store, run_id: str, record: Record) -> None:
+        if record.id == bad.id:
+            raise ValueError("a name MLflow refuses")
+        fill(self, run_id, record)
+
+    monkeypatch.setattr(Store, "_fill", fails_for_bad)
+    report = sync(project)
+    assert (report.shipped, report.waiting) == (1, 1)
+    assert bad.id in report.problems[0]
+    assert [record.stage for record in shipped_records(project)] == ["train@good"]
+
+
+def test_names_mlflow_refuses_and_long_curves_arrive(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DVC_STAGE", "train@toy")
+    params = {f"p{i}": "x" * 9000 for i in range(150)}
+    with journal(params=params) as notes:
+        notes.metric("recall@5 (%)", 1.0)
+        notes.metric("nan", float("nan"))
+        for step in range(1500):
+            notes.metric("loss", step, step)
+    assert sync(project).problems == ()
+    client, _ = open_store(project)
+    (run,) = runs(project, "stage")
+    assert len(run.data.params) == 150
+    assert run.data.metrics["recall_5 ___"] == 1.0
+    token_free = client.get_metric_history(run.info.run_id, "loss")
+    assert len(token_free) == 1500
+
+
+@pytest.mark.slow
+def test_two_processes_may_create_the_store_at_once(bare_project: Path) -> None:
+    code = (
+        "from pathlib import Path\n"
+        "from pipeline.mlflow_sync import open_store\n"
+        f"print(open_store(Path({str(bare_project)!r}))[1])\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True
+        )
+        for _ in range(2)
+    ]
+    answers = [process.communicate()[0] for process in started]
+    assert [process.returncode for process in started] == [0, 0]
+    assert len(set(answers)) == 1
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        ("", "sqlite:///{root}/mlflow.db"),
+        ("sqlite:///deep/runs.db", "sqlite:///{root}/deep/runs.db"),
+        ("sqlite:////shared/runs.db", "sqlite:////shared/runs.db"),
+        ("http://127.0.0.1:5000", "http://127.0.0.1:5000"),
+        ("mlruns", "file://{root}/mlruns"),
+    ],
+)
+def test_relative_stores_lie_in_the_project(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, given: str, meant: str
+) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", given)
+    monkeypatch.chdir("/")
+    assert tracking_uri(tmp_path) == meant.format(root=tmp_path)

@@ -1,0 +1,116 @@
+"""Result files are believed only when they are whole."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.artifacts import ANSWER
+from pipeline.background import read_pair_facts, read_test_pair, read_trainings
+from pipeline.result_files import COLUMNS, read_results
+from tests.pipeline.made_up_results import plain_row, write_everything, write_rows
+
+FILE = "modelnet40-unseen_objects/icp.csv"
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return write_rows(tmp_path / FILE, [plain_row(pair, off_deg=1.25) for pair in range(3)])
+
+
+def test_reads_rows_in_the_order_of_the_pairs(tmp_path: Path) -> None:
+    rows = [plain_row(pair, off_deg=float(pair)) for pair in (2, 0, 1)]
+    write_rows(tmp_path / FILE, rows)
+    (scores,) = read_results(tmp_path)
+    assert scores.pair.tolist() == [0, 1, 2]
+    assert scores.numbers["rx_deg"].tolist() == [0.0, 1.0, 2.0]
+    np.testing.assert_array_equal(scores.T_target_source(), np.tile(np.eye(4), (3, 1, 1)))
+
+
+def test_keeps_settings_of_one_file_apart(tmp_path: Path) -> None:
+    rows = [plain_row(0), plain_row(0, off_deg=1.0) | {"setting": "official"}]
+    write_rows(tmp_path / FILE, rows)
+    assert [one.setting for one in read_results(tmp_path)] == ["official", "paper"]
+
+
+def test_a_failure_with_a_comma_and_quotes_is_a_failure(tmp_path: Path) -> None:
+    rows = [plain_row(0) | {"failure": 'fgr needs 3 matches, got "none"'}, plain_row(1)]
+    write_rows(tmp_path / FILE, rows)
+    assert read_results(tmp_path)[0].failed.tolist() == [True, False]
+
+
+def test_refuses_an_empty_folder(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="found none"):
+        read_results(tmp_path)
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.3, 0.5, 0.9, 0.999])
+def test_refuses_a_file_cut_anywhere_in_a_line(file: Path, kept: float) -> None:
+    content = file.read_bytes()
+    file.write_bytes(content[: int(kept * len(content))])
+    with pytest.raises(ValueError, match=r"icp\.csv needs"):
+        read_results(file.parents[1])
+
+
+def test_refuses_a_file_cut_between_lines_when_a_neighbour_has_more(file: Path) -> None:
+    write_rows(file.with_name("fgr.csv"), [plain_row(pair) for pair in range(2)])
+    with pytest.raises(ValueError, match=r"fgr\.csv needs all 3 pairs .* has 2"):
+        read_results(file.parents[1])
+
+
+def test_refuses_a_pair_twice(tmp_path: Path) -> None:
+    write_rows(tmp_path / FILE, [plain_row(0), plain_row(0)])
+    with pytest.raises(ValueError, match=r"icp\.csv .* pair 0 twice"):
+        read_results(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "", "one"])
+def test_refuses_what_is_no_finite_number(tmp_path: Path, text: str) -> None:
+    write_rows(tmp_path / FILE, [plain_row(0) | {"error_t": text}])
+    with pytest.raises(ValueError, match=r"icp\.csv needs a finite number in column error_t"):
+        read_results(tmp_path)
+
+
+def test_refuses_missing_and_unknown_columns(tmp_path: Path) -> None:
+    row = plain_row(0)
+    del row["ty"]
+    write_rows(tmp_path / FILE, [row])
+    with pytest.raises(ValueError, match=r"icp\.csv needs the columns ty"):
+        read_results(tmp_path)
+    write_rows(tmp_path / FILE, [plain_row(0) | {"colour": "red"}])
+    with pytest.raises(ValueError, match=r"icp\.csv has columns nobody here reads: colour"):
+        read_results(tmp_path)
+
+
+def test_reads_trainings_and_leaves_gaps_where_nothing_was_validated(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("modelnet40-unseen_objects",), 2)
+    first = read_trainings(tmp_path / "models")[0]
+    assert first.budget["best_epoch"] == 28
+    assert first.curve["val_error_r_deg"][0] is None
+    assert first.curve["loss"][0] is not None
+
+
+def test_refuses_a_budget_that_is_cut_short(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("modelnet40-unseen_objects",), 2)
+    file = tmp_path / "models" / "modelnet40-unseen_objects" / "pcrdiffusion_cb.json"
+    file.write_text(file.read_text()[:-5])
+    with pytest.raises(ValueError, match=r"pcrdiffusion_cb\.json needs a whole JSON object"):
+        read_trainings(tmp_path / "models")
+
+
+def test_says_which_pair_file_is_missing_or_broken(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"kitti\.h5"):
+        read_pair_facts(tmp_path, "kitti")
+    (tmp_path / "kitti.h5").write_bytes(b"not HDF5")
+    with pytest.raises(ValueError, match=r"kitti\.h5 needs to be a pair file"):
+        read_pair_facts(tmp_path, "kitti")
+
+
+def test_refuses_a_pair_the_file_does_not_hold(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("kitti",), 2)
+    with pytest.raises(ValueError, match="needs a test pair 2, it has 2"):
+        read_test_pair(tmp_path / "pairs", "kitti", 2)
+
+
+def test_the_columns_are_those_the_evaluate_stage_writes() -> None:
+    assert tuple(ANSWER) == COLUMNS
