@@ -38,9 +38,7 @@ def acquire(section: Acquire, out: Path, *, seed: int) -> None:
     shutil.rmtree(partial, ignore_errors=True)
     try:
         root = _fill(section, partial, seed)
-        write_manifest(
-            root, partial, source=section.source, base=project_root(), progress=bar
-        )
+        write_manifest(root, partial, source=section.source, base=project_root(), progress=bar)
     except BaseException:
         shutil.rmtree(partial, ignore_errors=True)
         raise

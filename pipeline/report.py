@@ -27,6 +27,16 @@ class Report:
     pictures: dict[str, bytes]
     """By file name."""
 
+    @property
+    def headline(self) -> dict[str, float]:
+        """The summary's numbers by ``<scenario>.<method>.error_r_deg``."""
+        errors = json.loads(self.summary)["error_r_deg"]
+        return {
+            f"{scenario}.{method}.error_r_deg": value
+            for scenario, methods in errors.items()
+            for method, value in methods.items()
+        }
+
 
 def make_report(results: Path, models: Path, pairs: Path, *, profile: str) -> Report:
     """Compute all numbers once and render them: the same inputs, the same bytes.

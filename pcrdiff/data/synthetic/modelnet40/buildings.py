@@ -25,7 +25,6 @@ from pcrdiff.data.synthetic.modelnet40.solids import (
     skin,
     slab,
     stretch,
-    tube,
     turn,
 )
 
@@ -149,16 +148,14 @@ def mantel(*, generator: np.random.Generator) -> Mesh:
 
 
 def stairs(*, generator: np.random.Generator) -> Mesh:
-    """Stairs with a rail: straight, with a landing and a corner, or winding round a pole."""
-    style = int(generator.integers(3))
-    if style == 2:
-        return _winding_stairs(generator=generator)
+    """Stairs with a rail: straight, or with a landing and a corner."""
+    cornered = generator.random() < 0.5
     draw = generator.uniform
     width, rise, run = draw(0.8, 1.4), draw(0.15, 0.2), draw(0.24, 0.32)
     count = int(generator.integers(6, 13))
     solid = generator.random() < 0.6
     flight = _flight(count, width, rise, run, solid=solid, rails=int(generator.integers(1, 4)))
-    if style == 0:
+    if not cornered:
         return flight
     landing, end = count * rise, count * run
     floor = block(
@@ -190,24 +187,6 @@ def _flight(count: int, width: Real, rise: Real, run: Real, *, solid: bool, rail
             first, last = ends[0], ends[-1]
             parts.append(rod((at, first[0], first[1] + 0.85), (at, last[0], last[1] + 0.85), 0.03))
     return join(*parts)
-
-
-def _winding_stairs(*, generator: np.random.Generator) -> Mesh:
-    draw = generator.uniform
-    radius, rise, turn_deg = draw(0.7, 1.1), draw(0.17, 0.22), draw(22, 32)
-    count, sense = int(generator.integers(8, 14)), 1 if generator.random() < 0.5 else -1
-    wedge = turn_deg / 2 + 2
-    rim = arc((0, 0, 0), radius, -wedge, wedge, 5)[:, :2]
-    tread = slab(np.vstack([[0, 0], rim]), (0, 0.05))
-    parts = [rod((0, 0, 0), (0, 0, count * rise + 0.9), 0.06)]
-    rail = []
-    for step in range(count):
-        angle, height = sense * step * turn_deg, (step + 1) * rise
-        parts.append(move(turn(tread, "z", angle), (0, 0, height - 0.05)))
-        x, y = np.cos(np.deg2rad(angle)) * 0.95 * radius, np.sin(np.deg2rad(angle)) * 0.95 * radius
-        parts.append(rod((x, y, height), (x, y, height + 0.85), 0.015))
-        rail.append((x, y, height + 0.85))
-    return join(*parts, tube(rail, 0.03))
 
 
 def tent(*, generator: np.random.Generator) -> Mesh:

@@ -1,0 +1,42 @@
+# Everything lives in .venv/; nothing else of the machine is touched.
+PYTHON ?= python3
+BIN := .venv/bin
+export PATH := $(CURDIR)/$(BIN):$(PATH)
+
+.PHONY: setup repro test check ui real clean lock
+
+setup: .venv/ready
+
+.venv/ready: requirements/lock.txt pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	touch $@
+
+repro: setup  ## the main job: raw clouds to report, on embedded data
+	$(BIN)/dvc repro
+	@echo
+	@echo "report:    $(CURDIR)/reports/index.html   (tables: reports/results.md)"
+	@echo "MLflow UI: make ui   (then http://127.0.0.1:5000)"
+
+test: setup  ## the whole suite; tests on real data run where it is found
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+check: setup  ## format, lint, types, layers
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+ui: setup  ## browse the runs
+	$(BIN)/pcrdiff mlflow ui
+
+real: setup  ## the pipeline on real data: PCRDIFF_REAL_DATA, or ../shared/data
+	$(BIN)/pcrdiff real
+
+clean:
+	rm -rf .venv
+
+lock:  ## needs uv and a CPU build of torch 2.13.0 that it can find
+	uv pip compile --universal --python-version 3.11 --extra dev --constraint requirements/torch.txt \
+	  --no-header --no-annotate pyproject.toml | sed 's/+cpu//' > requirements/lock.txt
