@@ -34,10 +34,15 @@ def evaluate(method: Method, pairs: Pairs, *, seed: int, progress: Progress = si
             pose = _register(method, pairs, k, seed)
             failure = ""
         except (ValueError, RuntimeError) as error:  # Open3D and LAPACK raise the latter
-            pose, failure = torch.eye(4, dtype=torch.float64), str(error).splitlines()[0]
+            pose, failure = torch.eye(4, dtype=torch.float64), _reason(error)
         poses.append(pose)
         failures.append(failure)
     return Estimates(torch.stack(poses), tuple(failures))
+
+
+def _reason(error: Exception) -> str:
+    """The first line of what it says; its kind where it says nothing."""
+    return next(iter(str(error).splitlines()), "") or type(error).__name__
 
 
 def _register(method: Method, pairs: Pairs, k: int, seed: int) -> Float64[Tensor, "4 4"]:

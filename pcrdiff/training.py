@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -54,6 +54,7 @@ class Epoch:
     val_error_t: float | None
 
 
+@runtime_checkable
 class Checkpoint(Protocol):
     """Where a killed training is picked up again."""
 

@@ -1,7 +1,7 @@
 """The reverse loop (Algorithm 2) over any denoiser."""
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float, Int
@@ -23,6 +23,7 @@ class Walk:
     """``ddpm`` draws from the posterior, ``ddim`` walks without new noise."""
 
 
+@runtime_checkable
 class Denoiser(Protocol):
     """f_theta: predicts the clean vectors from noisy ones (Eq. 15)."""
 
@@ -40,18 +41,22 @@ def sample(
 
     Returns:
         The last prediction of x_0.
+
+    Raises:
+        ValueError: Not ``1 <= steps <= timesteps``.
     """
     alphas_bar = cosine_alphas_bar(walk.timesteps)
+    pairs = time_pairs(walk.timesteps, walk.steps)
     noise = draw_noise(batch, walk.steps, dim, generator=generator)
     x_t = x_0 = noise[0]
-    for step, (t, s) in enumerate(time_pairs(walk.timesteps, walk.steps), start=1):
+    for step, (t, s) in enumerate(pairs, start=1):
         x_0 = denoise(x_t, torch.full((batch,), t))
         if s == 0:
             break
         if walk.sampler == "ddim":
-            x_t = ddim_step(x_0, x_t, t, s, alphas_bar)
+            x_t = ddim_step(x_0, x_t.to(x_0), t, s, alphas_bar)
         else:
-            mean, deviation = q_posterior(x_0, x_t, t, s, alphas_bar)
+            mean, deviation = q_posterior(x_0, x_t.to(x_0), t, s, alphas_bar)
             x_t = mean + deviation * noise[step].to(mean)
     return x_0
 

@@ -45,12 +45,13 @@ def gather_points(
     return values[items, index]
 
 
-def estimate_normals(points: Float[Tensor, "batch n 3"], k: int) -> Float[Tensor, "batch n 3"]:
-    """Unit normal of the plane through each point's ``k`` nearest points, itself included.
+def estimate_normals(
+    points: Float[Tensor, "batch n 3"], index: Int[Tensor, "batch n k"]
+) -> Float[Tensor, "batch n 3"]:
+    """Unit normal of the plane through each point's neighbours at ``index``.
 
     The sign points away from the cloud's centroid, so that a moved cloud has moved normals.
     """
-    _, index = nearest(points, points, k)
     patches = gather_points(points, index)
     centred = patches - patches.mean(dim=-2, keepdim=True)
     _, axes = torch.linalg.eigh(centred.mT @ centred)

@@ -59,10 +59,18 @@ def matrix_from_euler(angles: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batc
 
 
 def euler_from_matrix(R: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3"]:
-    """Angles (a, b, c) with ``R = Rx(a) @ Ry(b) @ Rz(c)`` and b in [-pi/2, pi/2]."""
-    a = torch.atan2(-R[..., 1, 2], R[..., 2, 2])
+    """Angles (a, b, c) with ``R = Rx(a) @ Ry(b) @ Rz(c)`` and b in [-pi/2, pi/2].
+
+    Where ``b`` is a right angle only the sum or difference of a and c is known; c is then 0.
+    """
+    locked = torch.hypot(R[..., 0, 0], R[..., 0, 1]) < 1e-7  # cos b
+    a = torch.where(
+        locked,
+        torch.atan2(R[..., 2, 1], R[..., 1, 1]),
+        torch.atan2(-R[..., 1, 2], R[..., 2, 2]),
+    )
     b = torch.asin(R[..., 0, 2].clamp(-1, 1))
-    c = torch.atan2(-R[..., 0, 1], R[..., 0, 0])
+    c = torch.where(locked, 0.0, torch.atan2(-R[..., 0, 1], R[..., 0, 0]))
     return torch.stack([a, b, c], dim=-1)
 
 

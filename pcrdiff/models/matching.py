@@ -6,6 +6,10 @@ from torch import Tensor, nn
 from torch.nn.functional import pad, softplus
 
 from pcrdiff.geometry.neighbors import squared_distances
+from pcrdiff.models.mlp import he_layers
+from pcrdiff.models.pointnet import PointNet
+
+LARGEST = 60.0  # exp(-60) is still a normal float32
 
 
 class AnnealingNet(nn.Module):
@@ -13,22 +17,15 @@ class AnnealingNet(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.per_point = nn.Sequential(
-            *(nn.Linear(4, 64), nn.ReLU(), nn.Linear(64, 64), nn.ReLU()),
-            *(nn.Linear(64, 64), nn.ReLU(), nn.Linear(64, 128), nn.ReLU()),
-            *(nn.Linear(128, 1024), nn.ReLU()),
-        )
-        self.head = nn.Sequential(
-            *(nn.Linear(1024, 512), nn.ReLU(), nn.Linear(512, 256), nn.ReLU()),
-            nn.Linear(256, 2),
-        )
+        self.encoder = PointNet((64, 64, 64, 128, 1024), ins=4)
+        self.head = nn.Sequential(*he_layers(1024, (512, 256)), nn.Linear(256, 2))
 
     def forward(
         self, source: Float[Tensor, "batch n 3"], target: Float[Tensor, "batch m 3"]
     ) -> tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]]:
         """(alpha, beta), both positive, one of each per pair."""
         flagged = torch.cat([pad(source, (0, 1), value=0.0), pad(target, (0, 1), value=1.0)], 1)
-        beta, alpha = softplus(self.head(self.per_point(flagged).amax(dim=1))).unbind(-1)
+        beta, alpha = softplus(self.head(self.encoder(flagged))).unbind(-1)
         return alpha, beta
 
 
@@ -46,13 +43,16 @@ def match_scores(
 def sinkhorn(scores: Float[Tensor, "batch n m"], iterations: int) -> Float[Tensor, "batch n m"]:
     """Matches whose rows and columns sum to at most 1, the rest being in a slack row and column.
 
-    In logarithms. A row is normalised together with its slack place, a column with its own; the
-    slack row and column are never normalised, so a point without a match finds room there.
+    A row is normalised together with its slack place, a column with its own; the slack row and
+    column themselves never are, so a point without a match finds room there. The matches are
+    ``exp(scores)`` with each row and each column scaled, so only the scales are iterated. All is
+    measured against the largest score; above ``LARGEST`` the slack is nothing in any case.
     """
-    log_matches = pad(scores, (0, 1, 0, 1), value=0.0)
+    largest = scores.detach().amax(dim=(-2, -1), keepdim=True).clamp(0, LARGEST)
+    kernel = (scores.clamp(max=LARGEST) - largest).exp()
+    slack = (-largest).exp()
+    columns = torch.ones_like(kernel[:, :1, :])
     for _ in range(iterations):
-        rows = log_matches[:, :-1] - log_matches[:, :-1].logsumexp(dim=-1, keepdim=True)
-        log_matches = torch.cat([rows, log_matches[:, -1:]], dim=1)
-        columns = log_matches[:, :, :-1] - log_matches[:, :, :-1].logsumexp(dim=1, keepdim=True)
-        log_matches = torch.cat([columns, log_matches[:, :, -1:]], dim=2)
-    return log_matches[:, :-1, :-1].exp()
+        rows = 1 / (kernel @ columns.mT + slack)
+        columns = 1 / (rows.mT @ kernel + 1)
+    return rows * kernel * columns

@@ -17,12 +17,12 @@ class PointNet(nn.Module):
     that attains it and to no other, so the gradient is that of the plain network.
     """
 
-    def __init__(self, widths: Sequence[int]) -> None:
-        """``widths`` of the layers; the last one is the feature's."""
+    def __init__(self, widths: Sequence[int], ins: int = 3) -> None:
+        """``widths`` of the layers, the last one the feature's; ``ins`` numbers tell of a point."""
         super().__init__()
-        self.per_point = nn.Sequential(*he_layers(3, widths))
+        self.per_point = nn.Sequential(*he_layers(ins, widths))
 
-    def forward(self, points: Float[Tensor, "batch n 3"]) -> Float[Tensor, "batch dim"]:
+    def forward(self, points: Float[Tensor, "batch n ins"]) -> Float[Tensor, "batch dim"]:
         """The cloud's global feature."""
         if not torch.is_grad_enabled():
             pooled: Tensor = self.per_point(points).amax(dim=-2)
@@ -33,7 +33,7 @@ class PointNet(nn.Module):
         return features.gather(0, place)
 
     @torch.no_grad()
-    def critical_points(self, points: Float[Tensor, "batch n 3"]) -> Int[Tensor, "batch dim"]:
+    def critical_points(self, points: Float[Tensor, "batch n ins"]) -> Int[Tensor, "batch dim"]:
         """Row, in the batch's points stacked, of the point that attains each maximum.
 
         Channels lead here, so that the search runs along memory.

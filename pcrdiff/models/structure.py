@@ -26,15 +26,15 @@ def describe(
     pair feature of the two, and the widest angle that the neighbour spans with any point of the
     cloud. (3) does not change when the cloud moves, (1) and (2) turn with it. Neighbours are the
     ``k`` nearest within ``radius``; a place left over holds the centre itself. Normals are
-    estimated from the same ``k`` points.
+    estimated from the ``k`` nearest points.
 
     Raises:
         ValueError: The cloud has fewer than ``k`` points.
     """
     distances, index = nearest(points, points, k)
+    normals = estimate_normals(points, index)
     own = torch.arange(points.shape[1], device=points.device)[None, :, None]
     index = torch.where(distances <= radius**2, index, own)
-    normals = estimate_normals(points, k)
     centre = (points - points.mean(dim=-2, keepdim=True)).unsqueeze(-2).expand(-1, -1, k, -1)
     offset = gather_points(points, index) - points.unsqueeze(-2)
     n_centre, n_neighbour = normals.unsqueeze(-2).expand_as(offset), gather_points(normals, index)
@@ -90,5 +90,5 @@ class StructureEmbedding(nn.Module):
         features = descriptors
         for layer in self.per_neighbour:
             features = layer(features).relu()
-        pooled: Tensor = self.per_point(features.amax(dim=-2))
+        pooled: Tensor = self.per_point(features.max(dim=-2).values)
         return pooled

@@ -1,0 +1,4 @@
+"""The tiny project, for the tests of the stages."""
+
+from tests.tiny import blank as blank
+from tests.tiny import project as project
