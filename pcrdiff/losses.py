@@ -4,7 +4,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.geometry.neighbors import squared_distances
 from pcrdiff.geometry.rigid import invert
 
 
@@ -23,13 +22,20 @@ def chamfer_loss(
     Which point is the nearest is found without a graph: the gradient of a minimum passes through
     the point that attains it, and through no other.
     """
-    with torch.no_grad():
-        distances = squared_distances(moved, target)
-        to_target, to_moved = distances.argmin(dim=-1), distances.argmin(dim=-2)
-    items = torch.arange(len(moved), device=moved.device).unsqueeze(-1)
-    forward = (moved - target[items, to_target]).square().sum(dim=-1)
-    backward = (target - moved[items, to_moved]).square().sum(dim=-1)
+    forward = (moved - _nearest(moved.detach(), target)).square().sum(dim=-1)
+    backward = (target - _nearest(target, moved)).square().sum(dim=-1)
     return forward.mean() + backward.mean()
+
+
+def _nearest(
+    queries: Float[Tensor, "batch n 3"], points: Float[Tensor, "batch m 3"]
+) -> Float[Tensor, "batch n 3"]:
+    """The point nearest to each query; ``|p|^2 - 2 q.p`` orders them as their distances do."""
+    with torch.no_grad():
+        squares = points.square().sum(dim=-1).unsqueeze(-2)
+        order = torch.baddbmm(squares, queries, points.mT, alpha=-2)
+        index = order.min(dim=-1).indices.unsqueeze(-1)
+    return points.gather(1, index.expand(-1, -1, 3))
 
 
 def pose_loss(

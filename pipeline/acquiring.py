@@ -55,7 +55,6 @@ def _fill(section: Acquire, folder: Path, seed: int) -> Path:
         cache = project_root() / ".pcrdiff" / "downloads"
         download_archives(archives, folder, cache=cache, progress=bar)
         return folder
-    sizes = section.synthetic.model_dump() if section.synthetic else {}
-    writer = WRITERS[section.family]
-    writer(folder, seed=stream(seed, f"acquire/{section.family}"), progress=bar, **sizes)
+    seed = stream(seed, f"acquire/{section.family}")
+    WRITERS[section.family](folder, seed=seed, progress=bar, **(section.synthetic or {}))
     return folder

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 PAIR_SCHEMA = 1
 RIGID_TOLERANCE = 1e-6
+KINDS = {"source": "f", "target": "f", "T_target_source": "f", "item": "iu"}
+"""numpy's kinds of number in the datasets of a split."""
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -98,17 +100,20 @@ def read_pairs(path: Path, split: str) -> Pairs:
 
 
 def _checked(group: h5py.Group, where: str) -> Pairs:
-    source, target, poses, item = (
-        group[name][:] for name in ("source", "target", "T_target_source", "item")
-    )
+    if not isinstance(group, h5py.Group):
+        raise ValueError(f"{where} is not a pair file's group but {group}")
     label = next((name for name in ("category", "scene") if name in group), None)
     if label is None:
         raise ValueError(f"{where} needs a dataset category or scene, has {sorted(group)}")
+    source, target, poses, item, names = (
+        _array(group, name, kinds, where)
+        for name, kinds in {**KINDS, label: "OS"}.items()  # the kinds of text
+    )
     count = len(source)
     shapes = {"source": source.shape[2:], "target": target.shape[2:], "pose": poses.shape[1:]}
     if shapes != {"source": (3,), "target": (3,), "pose": (4, 4)}:
         raise ValueError(f"{where} needs clouds [P, N, 3] and poses [P, 4, 4], has {shapes}")
-    lengths = {len(target), len(poses), len(item), len(group[label])}
+    lengths = {len(target), len(poses), len(item), len(names)}
     if lengths != {count} or count == 0:
         raise ValueError(f"{where} needs as many of each as of sources ({count}), has {lengths}")
     for name, values in (("source", source), ("target", target), ("pose", poses)):
@@ -120,8 +125,20 @@ def _checked(group: h5py.Group, where: str) -> Pairs:
         torch.from_numpy(target.astype(np.float32)),
         torch.from_numpy(poses.astype(np.float64)),
         torch.from_numpy(item.astype(np.int64)),
-        tuple(group[label].asstr()[:]),
+        tuple(name.decode() for name in names),
     )
+
+
+def _array(group: h5py.Group, name: str, kinds: str, where: str) -> np.ndarray[Any, Any]:
+    dataset = group[name]
+    if (
+        not isinstance(dataset, h5py.Dataset)
+        or dataset.ndim == 0
+        or dataset.dtype.kind not in kinds
+    ):
+        raise ValueError(f"{where} needs {name} as an array of kind {kinds}, has {dataset}")
+    content: np.ndarray[Any, Any] = dataset[:]
+    return content
 
 
 def _check_rigid(poses: np.ndarray[Any, Any], where: str) -> None:
@@ -167,20 +184,31 @@ def read_weights(path: Path, method: str) -> dict[str, Tensor]:
         raise FileNotFoundError(f"weights are needed at {path}, there are none: run train")
     try:
         with safe_open(path, framework="pt") as file:
-            facts = json.loads((file.metadata() or {}).get("facts", "{}"))
-            if facts.get("method") != method:
-                raise ValueError(f"{path} needs weights of {method}, has {facts.get('method')}")
+            of = _method_of((file.metadata() or {}).get("facts", "{}"))
+            if of != method:
+                raise ValueError(f"{path} needs weights of {method}, has {of}")
             return {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except SafetensorError as error:
         raise ValueError(f"{path} is not a safetensors file: {error}") from error
 
 
+def _method_of(facts: str) -> object:
+    """The method that a record names; None where it is no record or names none."""
+    try:
+        record = json.loads(facts)
+    except ValueError:
+        return None
+    return record.get("method") if isinstance(record, dict) else None
+
+
 def write_curve(path: Path, curve: "Sequence[Epoch]") -> None:
     """Write a training curve, one row an epoch; not validated: empty."""
-    names = list(curve[0].losses)
-    head = ["epoch", "step", "learning_rate", *names, "val_error_r_deg", "val_error_t"]
+    terms = sorted(curve[0].losses)  # by name: a resumed training has them in another order
+    head = ["epoch", "step", "learning_rate", *terms, "val_error_r_deg", "val_error_t"]
     rows = [
-        [e.epoch, e.step, e.learning_rate, *e.losses.values(), e.val_error_r_deg, e.val_error_t]
+        [e.epoch, e.step, e.learning_rate]
+        + [e.losses[term] for term in terms]
+        + [e.val_error_r_deg, e.val_error_t]
         for e in curve
     ]
     write_atomically(path, _csv([head, *rows]))

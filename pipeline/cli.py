@@ -92,6 +92,15 @@ def mlflow_ui(port: Annotated[int, typer.Option(help="Port on 127.0.0.1.")] = 50
 
 
 @app.command()
+def real() -> None:
+    """Run the pipeline on real data, as the experiment `real`, and bring its report back."""
+    from pipeline.real import run_real
+
+    for path in run_real(_root()):
+        typer.echo(path)
+
+
+@app.command()
 def doctor() -> None:
     """Check what the pipeline needs, and say what is wrong."""
     from pipeline.doctor import examine

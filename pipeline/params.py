@@ -38,26 +38,12 @@ class Archive(Section):
     sha256: str | None
 
 
-class SyntheticModelNet40(Section):
-    """Size of the made-up ModelNet40."""
-
-    train_per_category: Count
-    test_per_category: Count
-
-
-class Synthetic3DMatch(Section):
-    """Size of the made-up 3DMatch."""
-
-    scenes: Count
-    fragments_per_scene: Count
-    frames_per_fragment: Count
-
-
-class SyntheticKITTI(Section):
-    """Size of the made-up KITTI."""
-
-    sequences: Count
-    scans_per_sequence: Count
+SIZES = {
+    "modelnet40": {"train_per_category", "test_per_category"},
+    "3dmatch": {"scenes", "fragments_per_scene", "frames_per_fragment"},
+    "kitti": {"sequences", "scans_per_sequence"},
+}
+"""What says how large a made-up data set is, by family."""
 
 
 class Acquire(Section):
@@ -67,18 +53,15 @@ class Acquire(Section):
     source: Literal["synthetic", "local", "download"]
     root: str | None
     archives: list[Archive]
-    synthetic: SyntheticModelNet40 | Synthetic3DMatch | SyntheticKITTI | None
+    synthetic: dict[str, Count] | None
+    """The ``SIZES`` of the made-up data set."""
 
     @model_validator(mode="after")
     def _source_is_told_what_it_needs(self) -> "Acquire":
-        sizes: dict[str, type[Section]] = {
-            "modelnet40": SyntheticModelNet40,
-            "3dmatch": Synthetic3DMatch,
-            "kitti": SyntheticKITTI,
-        }
-        if self.source == "synthetic" and not isinstance(self.synthetic, sizes[self.family]):
-            needed = ", ".join(sizes[self.family].model_fields)
-            raise ValueError(f"source synthetic of family {self.family} needs {needed}")
+        sizes, needed = self.synthetic, SIZES[self.family]
+        if (sizes is not None or self.source == "synthetic") and set(sizes or {}) != needed:
+            got = sorted(sizes or {})
+            raise ValueError(f"synthetic of {self.family} needs {sorted(needed)}, got {got}")
         if self.source == "local" and self.root is None:
             raise ValueError("source local needs root, the folder of the data set")
         if self.source == "download" and not self.archives and self.family != "kitti":
@@ -254,7 +237,7 @@ def read_params(path: Path = Path("params.yaml")) -> Params:
     """
     try:
         return Params.model_validate(yaml.safe_load(path.read_text()))
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
     except ValidationError as error:
         first = error.errors()[0]

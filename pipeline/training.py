@@ -19,6 +19,9 @@ from pipeline.tracking import Journal
 CODE = (Path("pcrdiff"), Path("pipeline/building.py"), Path("pipeline/training.py"))
 """What a half-done training was made with: if it changes, the training starts anew."""
 
+VALIDATION_WALK = {"steps": 1, "sampler": "ddpm"}
+"""How validation samples, whatever evaluation does: other steps must not choose other weights."""
+
 
 @dataclass(frozen=True)
 class Trained:
@@ -51,6 +54,8 @@ def training_params(params: Params, scenario: str, method: str) -> dict[str, Any
         "method": method,
         "epochs": params.epochs[scenario][method],
         "poses": params.train.poses,
+        "max_rotation_deg": params.scenarios[scenario].max_rotation_deg,
+        "max_translation": params.scenarios[scenario].max_translation,
         "timesteps": params.diffusion.timesteps,
         "architecture": params.methods.model_dump().get(method, {}),
         **getattr(params.train, method).model_dump(),
@@ -67,7 +72,8 @@ def train_method(
         RuntimeError: A gradient is not finite.
     """
     torch.manual_seed(stream(params.seed, f"init/{scenario}/{method}"))
-    network = build_learned(method, params.methods, params.diffusion)
+    walk = params.diffusion.model_copy(update=VALIDATION_WALK)
+    network = build_learned(method, params.methods, walk)
     data, val = read_pairs(pairs, "train"), read_pairs(pairs, "val")
     settings = getattr(params.train, method)
     budget = Budget(params.epochs[scenario][method], **settings.model_dump())

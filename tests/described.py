@@ -29,12 +29,18 @@ class Instance:
     @property
     def module(self) -> str:
         """The module that the command runs."""
-        return shlex.split(self.content["cmd"])[2]
+        return self._run[0]
 
     @property
     def argv(self) -> list[str]:
         """The arguments of the command."""
-        return shlex.split(self.content["cmd"])[3:]
+        return self._run[1:]
+
+    @property
+    def _run(self) -> list[str]:
+        """What follows ``python -m``, whatever the environment set before it."""
+        words = shlex.split(self.content["cmd"])
+        return words[words.index("-m", words.index("python")) + 1 :]
 
     @property
     def deps(self) -> list[str]:

@@ -20,7 +20,8 @@ class Split:
     """Which items train, which choose the weights, which are tested on.
 
     ``official`` keeps the data set's own test part and holds every n-th training item out for
-    validation; ``group`` names whole scenes or sequences; ``item`` takes every n-th item.
+    validation; ``group`` keeps scenes or sequences whole, those named or, where none is named,
+    every n-th; ``item`` takes every n-th item.
     """
 
     by: Literal["official", "group", "item"]
@@ -89,12 +90,16 @@ def _crosses(k: int, share: float) -> bool:
 
 
 def _by_group(items: Sequence[RawItem], split: Split) -> dict[str, list[int]]:
-    groups = {item.group for item in items}
+    groups = sorted({item.group for item in items})
     for name in (*split.val_groups, *split.test_groups):
         if name not in groups:
-            raise ValueError(f"split needs the group {name!r}, the data set has {sorted(groups)}")
-    place = dict.fromkeys(groups, "train")
-    place |= dict.fromkeys(split.val_groups, "val") | dict.fromkeys(split.test_groups, "test")
+            raise ValueError(f"split needs the group {name!r}, the data set has {groups}")
+    if split.val_groups or split.test_groups:
+        place = dict.fromkeys(groups, "train")
+        place |= dict.fromkeys(split.val_groups, "val") | dict.fromkeys(split.test_groups, "test")
+    else:
+        shares = _by_share(range(len(groups)), split.val_fraction, split.test_fraction)
+        place = {groups[k]: name for name, chosen in shares.items() for k in chosen}
     return {
         name: [i for i, item in enumerate(items) if place[item.group] == name] for name in SPLITS
     }

@@ -31,7 +31,7 @@ def invert(T_target_source: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batc
 
 
 def pose_vector(T_target_source: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 7"]:
-    """``(qw, qx, qy, qz, tx, ty, tz)`` with a unit quaternion, ``qw >= 0`` (Sec. 3.4)."""
+    """``(qw, qx, qy, qz, tx, ty, tz)`` with a unit quaternion, ``qw >= 0`` (Sec. 3.5)."""
     quaternion = quaternion_from_matrix(T_target_source[..., :3, :3])
     return torch.cat([quaternion, T_target_source[..., :3, 3]], dim=-1)
 

@@ -9,7 +9,7 @@ from pcrdiff.geometry.neighbors import squared_distances
 from pcrdiff.models.mlp import he_layers
 from pcrdiff.models.pointnet import PointNet
 
-LARGEST = 60.0  # exp(-60) is still a normal float32
+LEAST_SLACK = 1e-30  # next to a row's best match; its inverse is still a float32
 
 
 class AnnealingNet(nn.Module):
@@ -45,12 +45,13 @@ def sinkhorn(scores: Float[Tensor, "batch n m"], iterations: int) -> Float[Tenso
 
     A row is normalised together with its slack place, a column with its own; the slack row and
     column themselves never are, so a point without a match finds room there. The matches are
-    ``exp(scores)`` with each row and each column scaled, so only the scales are iterated. All is
-    measured against the largest score; above ``LARGEST`` the slack is nothing in any case.
+    ``exp(scores)`` with each row and each column scaled, so only the scales are iterated. A row
+    is measured against its largest score, or against the slack where that is larger. A column
+    never sums to more than 1, a row only until the iterations have settled.
     """
-    largest = scores.detach().amax(dim=(-2, -1), keepdim=True).clamp(0, LARGEST)
-    kernel = (scores.clamp(max=LARGEST) - largest).exp()
-    slack = (-largest).exp()
+    largest = scores.detach().amax(dim=-1, keepdim=True).clamp(min=0)
+    kernel = (scores - largest).exp()
+    slack = (-largest).exp().clamp(min=LEAST_SLACK)
     columns = torch.ones_like(kernel[:, :1, :])
     for _ in range(iterations):
         rows = 1 / (kernel @ columns.mT + slack)

@@ -10,7 +10,7 @@ from pcrdiff.models.mlp import he_layers
 
 
 class PointNet(nn.Module):
-    """A shared MLP on every point, then the maximum over points (Qi et al. 2017; Sec. 3.3).
+    """A shared MLP on every point, then the maximum over points (Qi et al. 2017; Sec. 3.4).
 
     No T-net and no batch statistics: a cloud's feature depends on that cloud alone. Training
     differentiates through the critical points only: a maximum passes its gradient to the point
@@ -43,5 +43,5 @@ class PointNet(nn.Module):
         for layer in self.per_point:
             if isinstance(layer, nn.Linear):
                 features = torch.addmm(layer.bias.unsqueeze(-1), layer.weight, features).relu_()
-        highest = features.reshape(len(features), batch, n).argmax(dim=-1)
+        highest = features.reshape(len(features), batch, n).max(dim=-1).indices
         return highest.T + n * torch.arange(batch, device=points.device).unsqueeze(-1)

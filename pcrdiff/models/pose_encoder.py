@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 
 class PoseEncoder(nn.Module):
-    """Encodes a noisy pose vector and its time into one feature (Sec. 3.3, Algorithm 1).
+    """Encodes a noisy pose vector and its time into one feature (Sec. 3.4, Algorithm 1).
 
     The paper names a "transformation encoder" and passes ``t`` to the decoder without saying
     how; here an MLP encodes the pose, and a sinusoidal embedding of ``t`` through another MLP

@@ -53,15 +53,20 @@ def widest_angle(
 ) -> Float[Tensor, "batch n k"]:
     """Per neighbour, the largest angle at the centre between it and any point of the cloud.
 
-    Over ``[n k n]`` triplets in blocks of centres; the largest angle has the smallest cosine.
+    Over ``[n k n]`` triplets in blocks of centres; the largest angle has the smallest cosine. The
+    centre itself spans no angle, so one of its neighbours stands in its place. A neighbour that is
+    the centre has a right angle.
     """
     batch, n, k = index.shape
     rows = max(1, BLOCK // (batch * k * n))
     offset = nn.functional.normalize(gather_points(points, index) - points.unsqueeze(-2), dim=-1)
+    other = offset.norm(dim=-1).argmax(dim=-1)[..., None, None]
+    stand_in = offset.take_along_dim(other, dim=2).squeeze(2)
     cosines = []
     for start in range(0, n, rows):
         centres = points[:, start : start + rows]
         to_all = nn.functional.normalize(points.unsqueeze(1) - centres.unsqueeze(2), dim=-1)
+        to_all.diagonal(start, 1, 2).copy_(stand_in[:, start : start + rows].mT)
         cosines.append((offset[:, start : start + rows] @ to_all.mT).amin(dim=-1))
     return torch.arccos(torch.cat(cosines, dim=1).clamp(-1, 1))
 

@@ -24,6 +24,7 @@ class Perfect:
         self.times: list[int] = []
 
     def __call__(self, x_t: Tensor, t: Tensor) -> Tensor:
+        """The answer."""
         assert t.shape == (len(x_t),)
         assert (t == t[0]).all()
         self.asked.append(x_t)
@@ -76,7 +77,9 @@ def test_ddim_walks_from_the_same_noise_without_drawing_more() -> None:
     denoise = Perfect(x_0)
     sample(denoise, 2, 7, Walk(30, 3, "ddim"), generator=seeded(6))
     a = cosine_alphas_bar(30)[denoise.times].float()
-    noise = [(x - s * x_0) / n for x, s, n in zip(denoise.asked, a.sqrt(), (1 - a).sqrt(), strict=True)]
+    noise = [
+        (x - s * x_0) / n for x, s, n in zip(denoise.asked, a.sqrt(), (1 - a).sqrt(), strict=True)
+    ]
     torch.testing.assert_close(noise[1], noise[0], atol=1e-3, rtol=0)
     torch.testing.assert_close(noise[2], noise[0], atol=1e-3, rtol=0)
 

@@ -57,7 +57,11 @@ def test_no_pose_nearby_fits_better() -> None:
     def cost(T: torch.Tensor) -> torch.Tensor:
         return (weights * (transform(T, source) - target).square().sum(dim=-1)).sum(dim=-1)
 
-    for nudge in (small_pose(0.1, (0, 0, 0)), small_pose(-0.1, (0, 0, 0)), small_pose(0, (0, 1e-3, 0))):
+    for nudge in (
+        small_pose(0.1, (0, 0, 0)),
+        small_pose(-0.1, (0, 0, 0)),
+        small_pose(0, (0, 1e-3, 0)),
+    ):
         assert (cost(nudge @ fitted) > cost(fitted)).all()
 
 

@@ -1,0 +1,72 @@
+"""The pipeline on real data: an experiment of its own beside the workspace, its tables brought back."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from pipeline.artifacts import write_atomically
+
+NAME = "real"
+VARIABLE = "PCRDIFF_REAL_DATA"
+DEFAULT = "../shared/data"
+"""Relative to the project; the roots in profiles/real.yaml begin with it."""
+
+
+def run_real(root: Path) -> list[Path]:
+    """Run profiles/real.yaml as the experiment ``real`` and fetch its tables, figures and page.
+
+    The workspace keeps its params.yaml, dvc.lock and data: DVC runs the experiment in a folder of
+    its own, and what it computed stays in the cache.
+
+    Returns:
+        The files that were brought back.
+
+    Raises:
+        FileNotFoundError: There is no real data.
+        ValueError: A stage failed; its own sentence stands above.
+    """
+    profile = (root / "profiles" / f"{NAME}.yaml").read_text().replace(DEFAULT, _folder(root))
+    params = root / "params.yaml"
+    before = params.read_bytes()
+    _dvc(root, "exp", "remove", "--quiet", NAME, check=False)
+    try:
+        write_atomically(params, profile.encode())
+        _dvc(root, "exp", "run", "--temp", "--name", NAME)
+    finally:
+        write_atomically(params, before)
+    return _fetch(root)
+
+
+def _folder(root: Path) -> str:
+    told = os.environ.get(VARIABLE)
+    if not Path(root, told or DEFAULT).is_dir():
+        where = f"{VARIABLE}={told}" if told else f"{VARIABLE} or {DEFAULT}"
+        raise FileNotFoundError(f"real data is needed at {where}, there is no such folder")
+    return told or DEFAULT
+
+
+def _fetch(root: Path) -> list[Path]:
+    """Take the small files out of the experiment's commit, and the page out of the cache."""
+    refs = _git(root, "for-each-ref", "--format=%(refname)", "refs/exps").decode().split()
+    commit = next(ref for ref in refs if ref.endswith(f"/{NAME}"))
+    names = _git(root, "ls-tree", "-r", "--name-only", commit, "reports").decode().split()
+    wanted = [name for name in names if Path(name).stem == NAME or f"/{NAME}/" in name]
+    for name in wanted:
+        write_atomically(root / name, _git(root, "show", f"{commit}:{name}"))
+    page = Path("reports", f"{NAME}.html")
+    revision = _git(root, "rev-parse", commit).decode().strip()
+    _dvc(root, "get", "-q", "-f", ".", "reports/index.html", "--rev", revision, "-o", str(page))
+    return [*map(Path, wanted), page]
+
+
+def _dvc(root: Path, *words: str, check: bool = True) -> None:
+    quiet = None if check else subprocess.DEVNULL
+    command = [sys.executable, "-m", "dvc", *words]
+    code = subprocess.run(command, cwd=root, stderr=quiet, check=False).returncode
+    if check and code:
+        raise ValueError(f"`dvc {' '.join(words[:2])}` failed with exit code {code}, see above")
+
+
+def _git(root: Path, *words: str) -> bytes:
+    return subprocess.run(["git", *words], cwd=root, check=True, stdout=subprocess.PIPE).stdout

@@ -1,0 +1,119 @@
+"""Corruptions: each does what its name says, and no more."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from pcrdiff.data.corruption import Cloud, crop, draw_pose, jitter, shuffle, unit_sphere
+
+
+def cloud(n: int = 50, seed: int = 0) -> Cloud:
+    return np.random.default_rng(seed).normal(size=(n, 3))
+
+
+def as_set(points: Cloud) -> set[tuple[float, ...]]:
+    return {tuple(point) for point in points.tolist()}
+
+
+def test_a_drawn_pose_has_angles_and_coordinates_in_its_range_and_fills_it() -> None:
+    generator = np.random.default_rng(1)
+    poses = np.stack([draw_pose(math.pi / 4, 0.5, generator=generator) for _ in range(2000)])
+    angles = Rotation.from_matrix(poses[:, :3, :3]).as_euler("zyx", degrees=True)
+    for values, most in ((angles, 45.0), (poses[:, :3, 3], 0.5)):
+        assert values.min() >= 0
+        assert values.max() <= most
+        np.testing.assert_allclose(values.mean(axis=0), most / 2, rtol=0.05)
+        np.testing.assert_allclose(values.std(axis=0), most / 12**0.5, rtol=0.05)
+    assert (poses[:, 3] == [0, 0, 0, 1]).all()
+
+
+def test_no_range_is_no_motion() -> None:
+    np.testing.assert_array_equal(
+        draw_pose(0.0, 0.0, generator=np.random.default_rng(0)), np.eye(4)
+    )
+
+
+def test_jitter_is_normal_and_clipped() -> None:
+    still = np.zeros((20_000, 3))
+    noise = jitter(still, 0.01, 0.05, generator=np.random.default_rng(2))
+    assert noise.mean() == pytest.approx(0, abs=2e-4)
+    assert noise.std() == pytest.approx(0.01, rel=0.02)
+    clipped = jitter(still, 0.01, 0.015, generator=np.random.default_rng(2))
+    assert np.abs(clipped).max() == 0.015
+    np.testing.assert_array_equal(clipped, np.clip(noise, -0.015, 0.015))
+
+
+def test_jitter_moves_points_and_leaves_its_input() -> None:
+    points = cloud()
+    moved = jitter(points, 0.01, 0.05, generator=np.random.default_rng(3))
+    np.testing.assert_array_equal(points, cloud())
+    assert 0 < np.abs(moved - points).max() <= 0.05
+
+
+@given(n=st.integers(1, 300), percent=st.integers(1, 100))
+def test_a_crop_keeps_the_ceiling_of_its_share(n: int, percent: int) -> None:
+    kept = crop(cloud(n), percent / 100, generator=np.random.default_rng(0))
+    assert len(kept) == math.ceil(Fraction(percent, 100) * n)
+
+
+def test_the_share_is_not_rounded_up_by_the_last_binary_digit() -> None:
+    kept = crop(cloud(100), 0.55, generator=np.random.default_rng(0))  # 0.55 * 100 > 55 in binary
+    assert len(kept) == 55
+
+
+def test_a_crop_is_a_half_space_and_keeps_the_order() -> None:
+    points = cloud(200)
+    direction = np.random.default_rng(4).normal(size=3)
+    kept = crop(points, 0.7, generator=np.random.default_rng(4))
+    expected = points[points @ direction >= np.quantile(points @ direction, 0.3)]
+    np.testing.assert_array_equal(kept, expected)
+
+
+def test_keeping_all_keeps_all() -> None:
+    np.testing.assert_array_equal(crop(cloud(), 1.0, generator=np.random.default_rng(0)), cloud())
+
+
+@pytest.mark.parametrize("keep", [0.0, -0.1, 1.1, math.nan])
+def test_refuses_a_share_that_is_none(keep: float) -> None:
+    with pytest.raises(ValueError, match=r"crop needs keep in \(0, 1\], got"):
+        crop(cloud(), keep, generator=np.random.default_rng(0))
+
+
+def test_a_shuffle_keeps_the_points_and_forgets_their_order() -> None:
+    points = cloud()
+    shuffled = shuffle(points, generator=np.random.default_rng(5))
+    assert as_set(shuffled) == as_set(points)
+    assert not (shuffled == points).all()
+    np.testing.assert_array_equal(points, cloud())
+
+
+def test_every_draw_follows_its_generator() -> None:
+    def draws(seed: int) -> list[np.ndarray]:
+        g = np.random.default_rng(seed)
+        return [
+            draw_pose(1.0, 1.0, generator=g),
+            jitter(cloud(), 0.1, 0.5, generator=g),
+            crop(cloud(), 0.5, generator=g),
+            shuffle(cloud(), generator=g),
+        ]
+
+    for first, again, other in zip(draws(6), draws(6), draws(7), strict=True):
+        np.testing.assert_array_equal(first, again)
+        assert not (first == other).all()
+
+
+def test_the_unit_sphere_is_reached_and_not_left() -> None:
+    centre, scale = unit_sphere(5 + 3 * cloud())
+    lengths = np.linalg.norm((5 + 3 * cloud() - centre) / scale, axis=1)
+    assert lengths.max() == pytest.approx(1)
+    np.testing.assert_allclose(centre, (5 + 3 * cloud()).mean(axis=0))
+
+
+def test_refuses_a_cloud_without_extent() -> None:
+    with pytest.raises(ValueError, match="needs a cloud with extent, got 4 equal points"):
+        unit_sphere(np.full((4, 3), 2.0))

@@ -1,0 +1,246 @@
+"""The paper's settings: splits that do not leak, and pairs that are what they claim."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Literal
+
+import numpy as np
+import pytest
+import torch
+
+from pcrdiff.data.raw import Cloud, Mesh, RawItem
+from pcrdiff.data.scenarios import Corruption, Split, make_pair, make_pairs, split_items
+from pcrdiff.geometry.rigid import invert, transform
+from pcrdiff.registration import SPLITS
+
+PLAIN = Corruption(
+    num_points=40,
+    sampling="copies",
+    max_rotation=0.7,
+    max_translation=1.0,
+    jitter_deviation=0.0,
+    jitter_clip=0.05,
+    keep=1.0,
+)
+OFFICIAL = Split("official", 0.1, 0.0, (), (), "all")
+
+
+def surface(seed: int, n: int = 60) -> Cloud:
+    return 4 + 3 * np.random.default_rng(seed).normal(size=(n, 3))
+
+
+def make_items(
+    groups: Sequence[str], per_group: int, split: Literal["train", "test"] | None = None
+) -> list[RawItem]:
+    names = [(group, k) for group in groups for k in range(per_group)]
+    return [
+        RawItem(f"{group}_{k}", group, split, partial(surface, seed))
+        for seed, (group, k) in enumerate(names)
+    ]
+
+
+def official_items() -> list[RawItem]:
+    """Five categories in no order, 20 to train and 4 to test of each, interleaved."""
+    groups = ("dog", "ant", "eel", "cat", "bee")
+    train, test = make_items(groups, 20, "train"), make_items(groups, 4, "test")
+    return train[:50] + test + train[50:]
+
+
+def by_groups(val: Sequence[str], test: Sequence[str]) -> Split:
+    return Split("group", 0.0, 0.0, val, test, "all")
+
+
+def draw(corruption: Corruption, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    made = make_pair(surface(9), corruption, generator=np.random.default_rng(seed))
+    source, target, pose = (torch.from_numpy(part) for part in made)
+    return source, target, pose
+
+
+def by_position(points: torch.Tensor) -> torch.Tensor:
+    """Sorted, so that clouds compare as sets."""
+    return points[points[:, 0].argsort()]
+
+
+def test_the_official_split_keeps_the_official_test_part_and_holds_out_a_tenth() -> None:
+    items = official_items()
+    chosen = split_items(items, OFFICIAL)
+    assert [len(chosen[name]) for name in SPLITS] == [90, 10, 20]
+    assert {items[i].split for i in chosen["test"]} == {"test"}
+    assert {items[i].split for i in chosen["train"] + chosen["val"]} == {"train"}
+    assert {items[i].group for i in chosen["val"]} == {"ant", "bee", "cat", "dog", "eel"}
+
+
+@pytest.mark.parametrize(
+    "split",
+    [
+        OFFICIAL,
+        replace(OFFICIAL, categories="halves"),
+        by_groups(["eel"], ["bee", "dog"]),
+        Split("item", 0.1, 0.2, (), (), "all"),
+        Split("item", 0.1, 0.3, (), (), "all"),
+    ],
+)
+def test_splits_are_disjoint_and_in_the_order_of_the_data_set(split: Split) -> None:
+    chosen = split_items(official_items(), split)
+    everything = [i for name in SPLITS for i in chosen[name]]
+    assert len(set(everything)) == len(everything)
+    assert all(chosen[name] == sorted(chosen[name]) for name in SPLITS)
+    if split.categories == "all":
+        assert len(everything) == len(official_items())
+
+
+def test_the_first_half_of_the_alphabet_trains_and_the_second_is_tested() -> None:
+    items = official_items()
+    chosen = split_items(items, replace(OFFICIAL, categories="halves"))
+    assert {items[i].group for i in chosen["train"] + chosen["val"]} == {"ant", "bee"}
+    assert {items[i].group for i in chosen["test"]} == {"cat", "dog", "eel"}
+    assert {items[i].split for i in chosen["test"]} == {"test"}
+
+
+def test_named_groups_go_where_they_are_sent() -> None:
+    items = make_items(("06", "07", "08"), 3)
+    chosen = split_items(items, by_groups(["07"], ["08"]))
+    assert chosen == {"train": [0, 1, 2], "val": [3, 4, 5], "test": [6, 7, 8]}
+
+
+@pytest.mark.parametrize(
+    ("val", "test"), [(0.1, 0.1), (0.1, 0.2), (0.2, 0.1), (0.1, 0.3), (0.2, 0.3), (0.15, 0.25)]
+)
+def test_shares_are_kept_to_the_item_and_spread_evenly(val: float, test: float) -> None:
+    chosen = split_items(make_items(("a", "b"), 50), Split("item", val, test, (), (), "all"))
+    assert len(chosen["test"]) == round(100 * test)
+    assert len(chosen["val"]) == round(100 * val)
+    assert np.diff(chosen["test"]).max() <= np.ceil(1 / test)
+
+
+def test_refuses_a_group_that_does_not_exist() -> None:
+    items = make_items(("06", "07"), 2)
+    for split in (by_groups(["9"], ["07"]), by_groups(["06"], ["9"])):
+        with pytest.raises(
+            ValueError, match=r"needs the group '9', the data set has \['06', '07'\]"
+        ):
+            split_items(items, split)
+
+
+@pytest.mark.parametrize(
+    ("split", "missing"),
+    [
+        (by_groups(["a"], ["b"]), "train"),
+        (by_groups([], ["b"]), "val"),
+        (by_groups(["a"], []), "test"),
+        (Split("item", 0.0, 0.5, (), (), "all"), "val"),
+        (Split("official", 0.1, 0.0, (), (), "all"), "train"),
+    ],
+)
+def test_refuses_a_part_without_items(split: Split, missing: str) -> None:
+    with pytest.raises(ValueError, match=f"needs items in each part, got none for {missing}"):
+        split_items(make_items(("a", "b"), 2), split)
+
+
+def test_the_target_of_copies_is_the_moved_source_in_another_order() -> None:
+    source, target, pose = draw(PLAIN)
+    moved = transform(pose, source)
+    assert not torch.allclose(moved, target)
+    torch.testing.assert_close(by_position(target), by_position(moved))
+
+
+def test_the_source_stays_upright_in_the_unit_sphere() -> None:
+    source, _, _ = draw(PLAIN)
+    assert source.norm(dim=-1).max().item() == pytest.approx(1)
+    torch.testing.assert_close(source.mean(dim=0), torch.zeros(3, dtype=torch.float64))
+    raw = torch.from_numpy(surface(9))
+    distances = torch.cdist(raw, raw)
+    ratio = torch.cdist(source, source).max() / distances.max()
+    assert torch.isclose(distances * ratio, torch.cdist(source, source).max()).any()
+
+
+def test_independent_samples_share_the_surface_but_not_the_points() -> None:
+    mesh = Mesh(vertices=np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0]]), faces=np.array([[0, 1, 2]]))
+    corruption = replace(PLAIN, sampling="independent")
+    made = make_pair(mesh, corruption, generator=np.random.default_rng(0))
+    source, target, pose = (torch.from_numpy(part) for part in made)
+    back = transform(invert(pose), target)
+    assert torch.cdist(source, back).min(dim=1).values.median() > 1e-3
+    torch.testing.assert_close(back[:, 2], torch.zeros(40, dtype=torch.float64))  # the same plane
+
+
+@pytest.mark.parametrize("sampling", ["copies", "independent"])
+def test_a_crop_keeps_the_ceiling_of_seventy_percent_of_each_cloud_by_itself(
+    sampling: Literal["copies", "independent"],
+) -> None:
+    corruption = replace(PLAIN, num_points=33, keep=0.7, sampling=sampling)
+    source, target, pose = draw(corruption)
+    assert source.shape == target.shape == (24, 3)  # 23.1
+    back = transform(invert(pose), target)
+    shared = (torch.cdist(source, back).min(dim=1).values < 1e-9).sum()
+    assert shared < 24  # two directions, two crops
+
+
+def test_jitter_is_laid_on_each_cloud_by_itself_after_the_move() -> None:
+    noisy = replace(PLAIN, jitter_deviation=0.01)
+    source, target, pose = draw(noisy)
+    gaps = torch.cdist(transform(pose, source), target).min(dim=1).values
+    assert 1e-3 < gaps.median() < 0.05
+    clean, _, clean_pose = draw(PLAIN)
+    assert torch.equal(pose, clean_pose)
+    assert 0 < (source - clean).abs().max() <= 0.05
+
+
+def test_the_pose_stays_in_its_range() -> None:
+    for seed in range(20):
+        _, _, pose = draw(replace(PLAIN, max_rotation=0.1, max_translation=0.2), seed)
+        assert (pose[:3, 3] >= 0).all()
+        assert (pose[:3, 3] <= 0.2).all()
+        assert torch.arccos(((pose[:3, :3].trace() - 1) / 2).clamp(-1, 1)) <= 0.1 * 3**0.5 + 0.01
+
+
+def test_one_pair_of_each_item_in_order_or_as_many_as_asked_in_another() -> None:
+    items = make_items(("a", "b"), 3)
+    each = make_pairs(items, [4, 1, 2], None, PLAIN, [7])
+    assert each.item.tolist() == [4, 1, 2]
+    assert each.group == ("b", "a", "a")
+    many = make_pairs(items, [4, 1, 2], 7, PLAIN, [7])
+    assert sorted(many.item.tolist()[:3]) == [1, 2, 4]
+    assert many.item[3:].tolist() == [*many.item[:3].tolist(), many.item[0].item()]
+
+
+def test_a_pair_does_not_depend_on_how_many_are_made() -> None:
+    items = make_items(("a", "b"), 3)
+    few, many = (make_pairs(items, range(6), count, PLAIN, [7, 1]) for count in (3, 12))
+    assert torch.equal(many.source[:3], few.source)
+    assert torch.equal(many.target[:3], few.target)
+    assert torch.equal(many.T_target_source[:3], few.T_target_source)
+    assert not torch.equal(many.T_target_source[6], many.T_target_source[0])  # the item again
+
+
+def test_the_same_seed_makes_the_same_bytes_and_another_seed_others() -> None:
+    items = make_items(("a", "b"), 3)
+    corruption = replace(PLAIN, sampling="independent", jitter_deviation=0.01, keep=0.7)
+    first, again, other = (
+        make_pairs(items, range(6), None, corruption, s) for s in ([7], [7], [8])
+    )
+    for name in ("source", "target", "T_target_source"):
+        assert getattr(first, name).numpy().tobytes() == getattr(again, name).numpy().tobytes()
+        assert not torch.equal(getattr(first, name), getattr(other, name))
+
+
+def test_pairs_keep_their_pose_in_double_and_their_points_in_single_precision() -> None:
+    pairs = make_pairs(make_items(("a",), 2), range(2), None, PLAIN, [0])
+    assert pairs.source.dtype == pairs.target.dtype == torch.float32
+    assert pairs.T_target_source.dtype == torch.float64
+
+
+def test_refuses_an_item_that_is_too_small_or_unreadable_by_its_name() -> None:
+    def unreadable() -> Cloud:
+        raise ValueError("chair_7.off needs faces")
+
+    small = RawItem("chair_6", "chair", None, partial(surface, 0, 39))
+    with pytest.raises(ValueError, match="no pair of chair_6: sample_points needs 40 points"):
+        make_pairs([small], [0], None, PLAIN, [0])
+    broken = RawItem("chair_7", "chair", None, unreadable)
+    with pytest.raises(ValueError, match=r"no pair of chair_7: chair_7\.off needs faces"):
+        make_pairs([broken], [0], None, PLAIN, [0])
+    flat = RawItem("chair_8", "chair", None, lambda: np.ones((50, 3)))
+    with pytest.raises(ValueError, match=r"no pair of chair_8: .* needs a cloud with extent"):
+        make_pairs([flat], [0], None, PLAIN, [0])

@@ -1,0 +1,63 @@
+"""One small copy of every method, and clouds that each of them can read."""
+
+from collections.abc import Callable
+
+import torch
+
+from pcrdiff.diffusion.sampling import Walk
+from pcrdiff.methods.constant import Constant
+from pcrdiff.methods.fgr import FGR
+from pcrdiff.methods.icp import ICP
+from pcrdiff.methods.icp_centroid import ICPCentroid
+from pcrdiff.methods.identity import Identity
+from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
+from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
+from pcrdiff.registration import LearnedMethod, Method
+from tests.pcrdiff.made_up_clouds import random_poses, seeded
+
+WALK = Walk(timesteps=20, steps=3, sampler="ddpm")
+
+
+def awaken(method: LearnedMethod) -> None:
+    """As if training had moved the pose encoder, which starts at zero."""
+    for name, parameter in method.named_parameters():
+        if name.startswith("pose_encoder"):
+            torch.nn.init.normal_(parameter, std=0.1)
+
+
+def make_cf(walk: Walk = WALK) -> PCRDiffusionCF:
+    torch.manual_seed(0)
+    method = PCRDiffusionCF(walk, feature_dim=32)
+    awaken(method)
+    return method
+
+
+def make_cb(walk: Walk = WALK) -> PCRDiffusionCB:
+    torch.manual_seed(0)
+    method = PCRDiffusionCB(walk, feature_dim=16, neighbours=6, radius=0.5, sinkhorn_iterations=5)
+    awaken(method)
+    return method
+
+
+def make_fgr() -> FGR:
+    return FGR(
+        iterations=64,
+        max_distance=0.01,
+        feature_radius=0.3,
+        feature_neighbours=128,
+        normal_radius=0.2,
+    )
+
+
+def make_method(name: str) -> Method:
+    """By the name of its row."""
+    makers: dict[str, Callable[[], Method]] = {
+        "identity": Identity,
+        "constant": lambda: Constant(random_poses(5, generator=seeded(0))),
+        "icp": lambda: ICP(max_iterations=30, max_distance=0.5),
+        "icp_centroid": lambda: ICPCentroid(max_iterations=100, max_distance=0.5),
+        "fgr": make_fgr,
+        "pcrdiffusion_cf": make_cf,
+        "pcrdiffusion_cb": make_cb,
+    }
+    return makers[name]()

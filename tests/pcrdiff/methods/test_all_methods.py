@@ -1,0 +1,162 @@
+"""What every row of the table promises, whatever it does."""
+
+import pytest
+import torch
+from torch import Tensor
+
+from pcrdiff.registration import LearnedMethod, Method
+from tests.pcrdiff.made_up_clouds import lopsided_clouds, made_up_pairs, seeded
+from tests.pcrdiff.methods.made_up_methods import make_method
+
+CLASSICAL = ["identity", "constant", "icp", "icp_centroid", "fgr"]
+LEARNED = ["pcrdiffusion_cf", "pcrdiffusion_cb"]
+every_method = pytest.mark.parametrize("name", CLASSICAL + LEARNED)
+
+
+def clouds(n: int = 64, m: int = 64, batch: int = 3) -> tuple[Tensor, Tensor]:
+    """Exact copies in another order, but for the points that only the longer one has."""
+    pairs = made_up_pairs(batch, max(n, m), generator=seeded(0))
+    return pairs.source[:, :n], pairs.target[:, :m]
+
+
+def assert_rigid(pose: Tensor, batch: int) -> None:
+    assert pose.shape == (batch, 4, 4)
+    R = pose[:, :3, :3].double()
+    eye = torch.eye(3, dtype=torch.float64).expand_as(R)
+    torch.testing.assert_close(R @ R.mT, eye, atol=2e-6, rtol=0)
+    ones = torch.ones(batch, dtype=torch.float64)
+    torch.testing.assert_close(torch.det(R), ones, atol=2e-6, rtol=0)
+    assert (pose[:, 3].double() == torch.tensor([0.0, 0, 0, 1])).all()
+
+
+@every_method
+def test_bears_its_name_and_is_a_method(name: str) -> None:
+    method = make_method(name)
+    assert method.name == name
+    assert isinstance(method, Method)
+
+
+@every_method
+@pytest.mark.parametrize(("n", "m"), [(64, 64), (48, 64), (64, 48)])
+def test_answers_a_rigid_pose_for_clouds_of_equal_and_unequal_size(
+    name: str, n: int, m: int
+) -> None:
+    source, target = clouds(n, m)
+    assert_rigid(make_method(name).register(source, target, generator=seeded(1)), 3)
+
+
+@every_method
+def test_answers_alike_under_one_seed_and_leaves_the_clouds_alone(name: str) -> None:
+    source, target = clouds()
+    first = make_method(name).register(source, target, generator=seeded(1))
+    again = make_method(name).register(source, target, generator=seeded(1))
+    assert torch.equal(first, again)
+    for cloud, untouched in zip((source, target), clouds(), strict=True):
+        assert torch.equal(cloud, untouched)
+
+
+@every_method
+def test_a_batch_is_a_loop_over_its_items(name: str) -> None:
+    source, target = clouds()
+    method, generator = make_method(name), seeded(1)
+    loop = [
+        method.register(source[k : k + 1], target[k : k + 1], generator=generator) for k in range(3)
+    ]
+    batch = method.register(source, target, generator=seeded(1))
+    exact = name in CLASSICAL  # the sums of a larger matrix product are cut otherwise
+    torch.testing.assert_close(torch.cat(loop), batch, atol=0 if exact else 1e-4, rtol=0)
+
+
+@every_method
+@pytest.mark.parametrize("which", ["source", "target"])
+@pytest.mark.parametrize(
+    ("trouble", "said"),
+    [
+        ("empty", "at least . distinct points, got a {} cloud of 0"),
+        ("one point", "at least . distinct points, got a {} cloud of 1"),
+        ("one point again and again", "at least . distinct points, got a {} cloud of 1"),
+        ("one of the batch", "at least . distinct points, got a {} cloud of 2"),
+        ("nan", "finite points, got a {} cloud with NaN or infinity"),
+        ("infinity", "finite points, got a {} cloud with NaN or infinity"),
+    ],
+)
+def test_refuses_clouds_that_no_pose_can_be_read_from(
+    name: str, which: str, trouble: str, said: str
+) -> None:
+    pair = dict(zip(("source", "target"), clouds(batch=2), strict=True))
+    cloud = pair[which].clone()
+    if trouble == "one of the batch":
+        cloud[1, 2:] = cloud[1, 1]
+    elif trouble in ("nan", "infinity"):
+        cloud[1, 5, 2] = float(trouble)
+    else:
+        cloud = {
+            "empty": cloud[:, :0],
+            "one point": cloud[:, :1],
+            "one point again and again": cloud[:, :1].repeat(1, 9, 1),
+        }[trouble]
+    pair[which] = cloud
+    with pytest.raises(ValueError, match=f"^{name} needs " + said.format(which)):
+        make_method(name).register(**pair, generator=seeded(1))
+
+
+@every_method
+def test_refuses_an_empty_batch(name: str) -> None:
+    nothing = torch.zeros(0, 20, 3)
+    with pytest.raises(ValueError, match=f"^{name} needs "):
+        make_method(name).register(nothing, nothing, generator=seeded(1))
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_a_learned_method_does_not_care_for_the_order_of_the_points(name: str) -> None:
+    source, target = clouds()
+    g = seeded(2)
+    shuffled = (
+        source[:, torch.randperm(64, generator=g)],
+        target[:, torch.randperm(64, generator=g)],
+    )
+    method = make_method(name)
+    answer = method.register(source, target, generator=seeded(1))
+    torch.testing.assert_close(
+        method.register(*shuffled, generator=seeded(1)), answer, atol=1e-4, rtol=0
+    )
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_a_learned_method_hears_its_generator_and_sees_both_clouds(name: str) -> None:
+    source, target = clouds()
+    other = lopsided_clouds(3, 64, generator=seeded(3))
+    method = make_method(name)
+    answer = method.register(source, target, generator=seeded(1))
+    for changed in (
+        method.register(source, target, generator=seeded(2)),
+        method.register(other, target, generator=seeded(1)),
+        method.register(source, other, generator=seeded(1)),
+    ):
+        assert not torch.allclose(changed, answer, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_a_learned_method_registers_without_a_gradient_and_its_loss_reaches_all_weights(
+    name: str,
+) -> None:
+    method, pairs = make_method(name), made_up_pairs(3, 64, generator=seeded(0))
+    assert isinstance(method, LearnedMethod)
+    answer = method.register(pairs.source, pairs.target, generator=seeded(1))
+    assert not answer.requires_grad
+    terms = method.loss(pairs, generator=seeded(1))
+    assert all(term.shape == () and torch.isfinite(term) for term in terms.values())
+    torch.autograd.backward(torch.stack(list(terms.values())).sum())
+    for parameter_name, parameter in method.named_parameters():
+        assert parameter.grad is not None, parameter_name
+        assert torch.isfinite(parameter.grad).all(), parameter_name
+        assert parameter.grad.abs().max() > 0, parameter_name
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_the_loss_of_a_learned_method_follows_its_generator(name: str) -> None:
+    method, pairs = make_method(name), made_up_pairs(3, 64, generator=seeded(0))
+    assert isinstance(method, LearnedMethod)
+    first, again, other = (method.loss(pairs, generator=seeded(k)) for k in (1, 1, 2))
+    assert {k: v.item() for k, v in first.items()} == {k: v.item() for k, v in again.items()}
+    assert first["diffusion"] != other["diffusion"]

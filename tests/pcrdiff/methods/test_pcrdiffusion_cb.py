@@ -1,0 +1,108 @@
+"""What is particular to the correspondence-based method."""
+
+import pytest
+import torch
+from torch import Tensor
+
+from pcrdiff.diffusion.sampling import Walk
+from pcrdiff.geometry.rigid import transform
+from pcrdiff.methods.pcrdiffusion_cb import Encoded, fit_matches
+from pcrdiff.metrics import error_r_deg
+from pcrdiff.registration import Pairs
+from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose
+from tests.pcrdiff.methods.made_up_methods import make_cb
+
+
+def encoded(source: Tensor, target: Tensor) -> Encoded:
+    nothing = torch.zeros(len(source))
+    features = torch.zeros(*source.shape[:2], 4), torch.zeros(*target.shape[:2], 4)
+    return Encoded(source, target, *features, nothing, nothing)
+
+
+def true_matches(pairs: Pairs) -> Tensor:
+    """1 where the moved source point is the target point."""
+    moved = transform(pairs.T_target_source, pairs.source.double())
+    matches = (torch.cdist(moved, pairs.target.double()) < 1e-5).float()
+    assert (matches.sum(dim=-1) == 1).all()
+    return matches
+
+
+def test_perfect_matches_give_the_pose_also_where_some_points_have_none() -> None:
+    pairs = made_up_pairs(3, 40, generator=seeded(0))
+    matches = true_matches(pairs)
+    matches[:, :15] = 0
+    pose = fit_matches(encoded(pairs.source, pairs.target), matches)
+    assert error_r_deg(pose.double(), pairs.T_target_source).max() < 0.1
+
+
+def test_half_a_match_weighs_half() -> None:
+    pairs = made_up_pairs(1, 40, generator=seeded(1))
+    matches = true_matches(pairs)
+    half = fit_matches(encoded(pairs.source, pairs.target), 0.5 * matches)
+    whole = fit_matches(encoded(pairs.source, pairs.target), matches)
+    torch.testing.assert_close(half, whole, atol=1e-4, rtol=0)
+
+
+def test_matches_have_a_row_a_source_point_and_a_column_a_target_point() -> None:
+    method, pairs = make_cb(), made_up_pairs(2, 40, generator=seeded(2))
+    source, target = pairs.source[:, :30], pairs.target
+    x_t, t = torch.randn(2, 7, generator=seeded(3)), torch.tensor([3, 17])
+    rows = torch.randperm(30, generator=seeded(4))
+    columns = torch.randperm(40, generator=seeded(5))
+    matches = method.match(x_t, t, method.encode(source, target))
+    assert matches.shape == (2, 30, 40)
+    shuffled = method.match(x_t, t, method.encode(source[:, rows], target[:, columns]))
+    torch.testing.assert_close(shuffled, matches[:, rows][:, :, columns], atol=1e-4, rtol=0)
+
+
+def test_the_noisy_pose_and_its_time_reach_the_matches() -> None:
+    method, pairs = make_cb(), made_up_pairs(1, 40, generator=seeded(2))
+    clouds = method.encode(pairs.source, pairs.target)
+    x_t = torch.randn(1, 7, generator=seeded(3))
+    matches = method.match(x_t, torch.tensor([3]), clouds)
+    assert not torch.allclose(method.match(x_t + 1, torch.tensor([3]), clouds), matches, rtol=1e-3)
+    assert not torch.allclose(method.match(x_t, torch.tensor([19]), clouds), matches, rtol=1e-3)
+
+
+def test_features_do_not_know_where_a_cloud_lies() -> None:
+    method, pairs = make_cb().double(), made_up_pairs(2, 40, generator=seeded(2))
+    source, target = pairs.source.double(), pairs.target.double()
+    shift = small_pose(0, (3.0, -2.0, 1.0)).expand(2, 4, 4)
+    here, there = method.encode(source, target), method.encode(transform(shift, source), target)
+    torch.testing.assert_close(here.source_features, there.source_features, atol=1e-6, rtol=0)
+    torch.testing.assert_close(here.target_features, there.target_features)
+
+
+@pytest.mark.parametrize("steps", [1, 4])
+def test_describes_each_cloud_once_whatever_the_steps(steps: int) -> None:
+    method, times = make_cb(Walk(20, steps, "ddim")), list[int]()
+    embedded: list[Tensor] = []
+    method.embedding.register_forward_pre_hook(lambda _, inputs: embedded.append(inputs[0]))
+    method.pose_encoder.register_forward_pre_hook(lambda _, x: times.append(int(x[1][0])))
+    pairs = made_up_pairs(1, 40, generator=seeded(2))
+    method.register(pairs.source, pairs.target, generator=seeded(6))
+    assert len(embedded) == 2
+    assert times == [20, 15, 10, 5][:steps]
+
+
+def test_refuses_fewer_points_than_neighbours() -> None:
+    pairs = made_up_pairs(1, 40, generator=seeded(2))
+    with pytest.raises(
+        ValueError, match="needs at least 6 distinct points, got a target cloud of 5"
+    ):
+        make_cb().register(pairs.source, pairs.target[:, :5], generator=seeded(0))
+
+
+def test_the_right_pose_has_no_point_loss_and_inliers_weigh_a_hundredth(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pairs = made_up_pairs(2, 40, generator=seeded(0))
+    matches = 0.5 * true_matches(pairs)
+    method = make_cb()
+    monkeypatch.setattr(method, "match", lambda *_: matches)
+    terms = method.loss(pairs, generator=seeded(0))
+    assert set(terms) == {"diffusion", "points", "inliers"}
+    assert terms["diffusion"] < 1e-5
+    assert terms["points"] < 1e-3
+    # each row and each column falls short by one half
+    assert terms["inliers"].item() == pytest.approx(0.01 * (0.5 + 0.5))

@@ -1,0 +1,69 @@
+"""PointNet: a cloud's feature and, through the critical points, the plain network's gradient."""
+
+import pytest
+import torch
+from torch import Tensor
+
+from pcrdiff.models.pointnet import PointNet
+from tests.pcrdiff.made_up_clouds import lopsided_clouds, seeded
+
+
+def make(ins: int = 3) -> PointNet:
+    torch.manual_seed(0)
+    return PointNet((16, 32, 64), ins=ins).double()
+
+
+def clouds(batch: int = 3, n: int = 40) -> Tensor:
+    return lopsided_clouds(batch, n, generator=seeded(1)).double()
+
+
+def plain(network: PointNet, points: Tensor) -> Tensor:
+    """What the docstring says, without any shortcut."""
+    pooled: Tensor = network.per_point(points).amax(dim=-2)
+    return pooled
+
+
+def test_gradients_through_the_critical_points_are_the_plain_networks() -> None:
+    network, weight = make(), torch.randn(3, 64, generator=seeded(2), dtype=torch.float64)
+    points = clouds().requires_grad_()
+    wanted = [*network.parameters(), points]
+    ours = torch.autograd.grad((network(points) * weight).sum(), wanted)
+    theirs = torch.autograd.grad((plain(network, points) * weight).sum(), wanted)
+    for a, b in zip(ours, theirs, strict=True):
+        assert b.abs().max() > 1e-3
+        assert (a - b).abs().max() < 1e-12
+
+
+@pytest.mark.parametrize("n", [1, 2, 40])
+def test_the_feature_is_the_same_with_and_without_a_gradient(n: int) -> None:
+    network, points = make(), clouds(n=n)
+    with_gradient = network(points)
+    with torch.no_grad():
+        torch.testing.assert_close(network(points), with_gradient, atol=1e-14, rtol=0)
+    torch.testing.assert_close(with_gradient, plain(network, points), atol=1e-14, rtol=0)
+
+
+def test_a_critical_point_attains_its_maximum() -> None:
+    network, points = make(), clouds()
+    critical = network.critical_points(points)
+    features = network.per_point(points.flatten(0, 1)).gather(0, critical)
+    torch.testing.assert_close(features, plain(network, points), atol=1e-14, rtol=0)
+    assert (critical // 40 == torch.arange(3).unsqueeze(-1)).all()  # each cloud its own
+
+
+def test_the_order_and_the_repetition_of_points_do_not_matter() -> None:
+    network, points = make(), clouds()
+    shuffled = points[:, torch.randperm(40, generator=seeded(3))]
+    torch.testing.assert_close(network(shuffled), network(points))
+    torch.testing.assert_close(network(torch.cat([points, points[:, :7]], 1)), network(points))
+
+
+def test_a_batch_is_a_loop_over_its_clouds() -> None:
+    network, points = make(), clouds()
+    torch.testing.assert_close(network(points), torch.cat([network(p[None]) for p in points]))
+
+
+def test_points_may_carry_more_than_three_numbers() -> None:
+    points = torch.randn(2, 9, 4, generator=seeded(4), dtype=torch.float64)
+    network = make(ins=4)
+    torch.testing.assert_close(network(points), plain(network, points))

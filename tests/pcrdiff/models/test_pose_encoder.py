@@ -1,0 +1,56 @@
+"""F_t: silent at the start, and telling poses and times apart once trained."""
+
+import math
+
+import pytest
+import torch
+
+from pcrdiff.models.pose_encoder import PoseEncoder, time_embedding
+from tests.pcrdiff.made_up_clouds import seeded
+
+
+def awake() -> PoseEncoder:
+    """As if training had moved its last layers."""
+    torch.manual_seed(0)
+    encoder = PoseEncoder(pose_dim=7, dim=16)
+    for parameter in encoder.parameters():
+        torch.nn.init.normal_(parameter, std=0.3)
+    return encoder
+
+
+def test_starts_as_if_there_were_no_diffusion() -> None:
+    encoder = PoseEncoder(pose_dim=7, dim=16)
+    x_t = torch.randn(4, 7, generator=seeded(0))
+    assert (encoder(x_t, torch.tensor([1, 10, 500, 1000])) == 0).all()
+
+
+def test_but_its_last_layers_learn_from_the_first_step() -> None:
+    encoder = PoseEncoder(pose_dim=7, dim=16)
+    encoder(torch.randn(4, 7, generator=seeded(0)), torch.full((4,), 3)).sum().backward()
+    for last in (encoder.pose[-1], encoder.time[-1]):
+        gradient = last.get_parameter("weight").grad
+        assert gradient is not None
+        assert gradient.abs().max() > 0
+
+
+def test_tells_times_and_poses_apart_row_by_row() -> None:
+    encoder, x_t = awake(), torch.randn(1, 7, generator=seeded(1)).repeat(3, 1)
+    x_t[2] += 1
+    encoded = encoder(x_t, torch.tensor([5, 6, 5]))
+    assert encoded.shape == (3, 16)
+    assert not torch.allclose(encoded[0], encoded[1])
+    assert not torch.allclose(encoded[0], encoded[2])
+    torch.testing.assert_close(encoder(x_t[2:], torch.tensor([5])), encoded[2:])
+
+
+def test_the_time_embedding_worked_by_hand() -> None:
+    # two frequencies: 1 and 10000^(-1/2) = 0.01
+    expected = [math.sin(3), math.sin(0.03), math.cos(3), math.cos(0.03)]
+    torch.testing.assert_close(time_embedding(torch.tensor([3]), 4), torch.tensor([expected]))
+
+
+@pytest.mark.parametrize("dim", [32, 128])
+def test_no_two_times_of_the_schedule_look_alike(dim: int) -> None:
+    embedded = time_embedding(torch.arange(1001), dim)
+    gaps = torch.cdist(embedded, embedded) + 10 * torch.eye(1001)
+    assert gaps.min() > 0.05

@@ -1,0 +1,147 @@
+"""EGST's descriptors: what turns with the cloud, what does not, and the same in any blocks."""
+
+import pytest
+import torch
+from torch import Tensor
+from torch.utils._python_dispatch import TorchDispatchMode
+
+from pcrdiff.geometry import neighbors
+from pcrdiff.geometry.neighbors import nearest
+from pcrdiff.geometry.rigid import transform
+from pcrdiff.models import structure
+from pcrdiff.models.structure import StructureEmbedding, angle_between, describe, widest_angle
+from tests.pcrdiff.made_up_clouds import lopsided_clouds, random_poses, seeded
+
+RADIUS, K = 0.4, 8
+
+
+def clouds(n: int = 120) -> Tensor:
+    return lopsided_clouds(2, n, generator=seeded(0)).double()
+
+
+def slow_widest_angle(points: Tensor, index: Tensor) -> Tensor:
+    """Triplet by triplet, for one cloud whose points are all distinct."""
+    widest = torch.full(index.shape, torch.pi / 2, dtype=points.dtype)
+    for i, neighbours in enumerate(index.tolist()):
+        for place, j in enumerate(neighbours):
+            if j != i:
+                others = points[[m for m in range(len(points)) if m != i]] - points[i]
+                to_j = (points[j] - points[i]).expand_as(others)
+                widest[i, place] = angle_between(to_j, others).max()
+    return widest
+
+
+def test_the_pair_feature_and_the_widest_angle_do_not_change_when_the_cloud_moves() -> None:
+    points, T = clouds(), random_poses(2, generator=seeded(1))
+    before, after = describe(points, RADIUS, K), describe(transform(T, points), RADIUS, K)
+    torch.testing.assert_close(after[..., 6:], before[..., 6:], atol=1e-6, rtol=0)
+
+
+def test_the_centre_and_the_offset_turn_with_the_cloud() -> None:
+    points, T = clouds(), random_poses(2, generator=seeded(2))
+    before, after = describe(points, RADIUS, K), describe(transform(T, points), RADIUS, K)
+    R = T[:, None, :3, :3].mT
+    torch.testing.assert_close(after[..., :3], before[..., :3] @ R)
+    torch.testing.assert_close(after[..., 3:6], before[..., 3:6] @ R)
+
+
+def test_descriptors_follow_the_order_of_the_points() -> None:
+    points, order = clouds(), torch.randperm(120, generator=seeded(3))
+    shuffled = describe(points[:, order], RADIUS, K)
+    torch.testing.assert_close(shuffled, describe(points, RADIUS, K)[:, order], atol=1e-7, rtol=0)
+
+
+def test_descriptors_are_what_the_docstring_says() -> None:
+    points = clouds()
+    described = describe(points, RADIUS, K)
+    assert described.shape == (2, 120, K, 11)
+    centre, offset, length = described[..., :3], described[..., 3:6], described[..., 9]
+    torch.testing.assert_close(centre.mean(dim=1), torch.zeros(2, K, 3, dtype=torch.float64))
+    torch.testing.assert_close(centre[:, :, 0] - centre[:, :1, 0], points - points[:, :1])
+    torch.testing.assert_close(offset.norm(dim=-1), length)
+    assert (length <= RADIUS).all()
+    assert (length[..., 0] == 0).all()  # the nearest point is the centre itself
+    assert (
+        (described[..., [6, 7, 8, 10]] >= 0) & (described[..., [6, 7, 8, 10]] <= torch.pi)
+    ).all()
+
+
+def test_a_place_without_a_neighbour_holds_the_centre() -> None:
+    lonely = torch.cat([clouds(), torch.full((2, 1, 3), 50.0, dtype=torch.float64)], dim=1)
+    offset = describe(lonely, RADIUS, K)[:, -1, :, 3:6]
+    assert (offset == 0).all()
+
+
+def test_blocks_give_what_one_block_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = describe(clouds(), RADIUS, K)
+    for block in (1, 2 * K * 120 * 7):
+        monkeypatch.setattr(structure, "BLOCK", block)
+        monkeypatch.setattr(neighbors, "BLOCK", block)
+        torch.testing.assert_close(describe(clouds(), RADIUS, K), whole, atol=1e-7, rtol=0)
+
+
+def test_no_tensor_grows_with_the_square_of_the_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    largest = 0
+
+    class Watch(TorchDispatchMode):  # type: ignore[no-untyped-call]
+        def __torch_dispatch__(self, func, types, args=(), kwargs=None):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN204
+            nonlocal largest
+            del types
+            result = func(*args, **(kwargs or {}))
+            for tensor in result if isinstance(result, list | tuple) else (result,):
+                if isinstance(tensor, Tensor):
+                    largest = max(largest, tensor.untyped_storage().nbytes() // tensor.itemsize)
+            return result
+
+    n, block = 600, 30_000
+    monkeypatch.setattr(structure, "BLOCK", block)
+    monkeypatch.setattr(neighbors, "BLOCK", block)
+    points = lopsided_clouds(1, n, generator=seeded(4))
+    with Watch():  # type: ignore[no-untyped-call]
+        describe(points, RADIUS, K)
+    assert n * K * 11 <= largest <= 2 * n * K * 11  # the answer itself; n * n * K is 50 times that
+    assert n * K * n > 20 * largest
+
+
+def test_the_widest_angle_agrees_with_a_slow_twin() -> None:
+    points = torch.randn(2, 25, 3, generator=seeded(5), dtype=torch.float64)
+    _, index = nearest(points, points, 5)
+    index[:, :, -1] = torch.arange(25)  # a place left over
+    expected = torch.stack([slow_widest_angle(p, i) for p, i in zip(points, index, strict=True)])
+    assert expected.min() < torch.pi / 2 - 0.1
+    torch.testing.assert_close(widest_angle(points, index), expected, atol=1e-7, rtol=0)
+
+
+def test_a_corner_of_a_tetrahedron_spans_60_degrees() -> None:
+    corners = torch.tensor([[[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]])
+    index = torch.tensor([[[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]])
+    angles = widest_angle(corners, index)
+    torch.testing.assert_close(angles, torch.full((1, 4, 3), torch.pi / 3))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-7, 1.0, torch.pi / 2, torch.pi - 1e-7, torch.pi])
+def test_an_angle_between_vectors_is_accurate_everywhere(angle: float) -> None:
+    angles = torch.tensor(angle, dtype=torch.float64)
+    a = torch.tensor([3.0, 0, 0], dtype=torch.float64)
+    b = 0.1 * torch.stack([angles.cos(), angles.sin(), torch.zeros_like(angles)])
+    torch.testing.assert_close(angle_between(a, b), angles, atol=1e-14, rtol=0)
+
+
+def test_an_angle_with_nothing_is_zero() -> None:
+    assert angle_between(torch.ones(3), torch.zeros(3)) == 0
+
+
+def test_refuses_fewer_points_than_neighbours() -> None:
+    with pytest.raises(ValueError, match="at least k = 8 points, got 7"):
+        describe(clouds(7), RADIUS, K)
+
+
+def test_a_feature_does_not_depend_on_the_order_of_neighbours_but_on_its_own_point() -> None:
+    torch.manual_seed(0)
+    embed = StructureEmbedding(dim=16)
+    described = describe(clouds().float(), RADIUS, K)
+    features = embed(described)
+    assert features.shape == (2, 120, 16)
+    torch.testing.assert_close(embed(described.flip(2)), features)
+    torch.testing.assert_close(embed(described.flip(1)), features.flip(1))
+    assert len(torch.unique(features[0], dim=0)) == 120

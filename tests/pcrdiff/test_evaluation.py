@@ -1,0 +1,103 @@
+"""Evaluation: every pair by itself, and every failure counted."""
+
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from pcrdiff.evaluation import evaluate
+from pcrdiff.registration import Pairs
+from tests.pcrdiff.made_up_clouds import made_up_pairs, random_poses, seeded
+
+T = TypeVar("T")
+
+
+class Guess:
+    """Answers a random pose; on the pairs of ``trouble`` it does what is said there."""
+
+    name = "guess"
+
+    def __init__(self, trouble: dict[int, Exception | float] | None = None) -> None:
+        self.trouble, self.asked = trouble or {}, 0
+
+    def register(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
+        """As :class:`pcrdiff.registration.Method` asks."""
+        assert len(source) == len(target) == 1
+        k, self.asked = self.asked, self.asked + 1
+        trouble = self.trouble.get(k)
+        if isinstance(trouble, Exception):
+            raise trouble
+        pose = random_poses(1, generator=generator)
+        return pose if trouble is None else pose * trouble
+
+
+def five_pairs() -> Pairs:
+    return made_up_pairs(5, 12, generator=seeded(0))
+
+
+def test_a_method_that_raises_on_pair_3_is_counted_and_scored_as_the_identity() -> None:
+    healthy = evaluate(Guess(), five_pairs(), seed=1)
+    failing = evaluate(Guess({3: ValueError("no idea\nat all")}), five_pairs(), seed=1)
+    assert failing.failures == ("", "", "", "no idea", "")
+    assert torch.equal(failing.T_target_source[3], torch.eye(4, dtype=torch.float64))
+    others = [0, 1, 2, 4]
+    assert torch.equal(failing.T_target_source[others], healthy.T_target_source[others])
+    assert healthy.failures == ("",) * 5
+
+
+@pytest.mark.parametrize("error", [RuntimeError("from Open3D"), np.linalg.LinAlgError("svd")])
+def test_what_open3d_and_lapack_raise_is_a_failure_too(error: Exception) -> None:
+    assert evaluate(Guess({0: error}), five_pairs(), seed=1).failures[0] == str(error)
+
+
+def test_a_failure_without_words_is_still_a_failure() -> None:
+    estimates = evaluate(
+        Guess({2: ValueError(), 4: RuntimeError("\nsaid late")}), five_pairs(), seed=1
+    )
+    assert estimates.failures == ("", "", "ValueError", "", "RuntimeError")
+
+
+@pytest.mark.parametrize("factor", [torch.nan, torch.inf])
+def test_a_pose_that_is_not_finite_is_a_failure(factor: float) -> None:
+    estimates = evaluate(Guess({1: factor}), five_pairs(), seed=1)
+    assert "guess answered with a pose that is not finite" in estimates.failures[1]
+    assert torch.equal(estimates.T_target_source[1], torch.eye(4, dtype=torch.float64))
+
+
+def test_a_programming_error_is_not_a_failure() -> None:
+    with pytest.raises(KeyError):
+        evaluate(Guess({0: KeyError("typo")}), five_pairs(), seed=1)
+
+
+def test_a_pair_is_answered_alike_whatever_was_registered_before_it() -> None:
+    pairs = five_pairs()
+    whole = evaluate(Guess(), pairs, seed=1).T_target_source
+    start = evaluate(Guess(), pairs.select(torch.arange(2)), seed=1).T_target_source
+    other_before = evaluate(Guess(), pairs.select(torch.tensor([4, 4, 2])), seed=1).T_target_source
+    failed_before = evaluate(Guess({0: ValueError("no")}), pairs, seed=1).T_target_source
+    assert torch.equal(start, whole[:2])
+    assert torch.equal(other_before[2], whole[2])
+    assert torch.equal(failed_before[1:], whole[1:])
+
+
+def test_the_seed_and_the_pair_decide_what_is_drawn() -> None:
+    first, again, other = (
+        evaluate(Guess(), five_pairs(), seed=k).T_target_source for k in (1, 1, 2)
+    )
+    assert torch.equal(first, again)
+    assert (first != other).flatten(1).any(dim=1).all()
+    assert len(torch.unique(first.flatten(1), dim=0)) == 5
+
+
+def test_progress_is_told_of_every_pair() -> None:
+    told: list[tuple[list[object], str]] = []
+
+    def watch(items: Sequence[T], description: str) -> Iterable[T]:
+        told.append((list(items), description))
+        return items
+
+    evaluate(Guess(), five_pairs(), seed=1, progress=watch)
+    assert told == [([0, 1, 2, 3, 4], "guess")]

@@ -1,0 +1,124 @@
+"""A raw data set becomes the pairs of a scenario, with a record of how."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from pcrdiff.geometry.rigid import transform
+from pipeline.params import Scenario, read_params
+from pipeline.preprocessing import LICENCES, READERS, SYNTHETIC_LICENCE, Preprocessed, preprocess
+from tests.tiny import CATEGORIES, RAW, SCENARIO, instance, run_instance, tiny_params, write_params
+
+
+def scenario(**changes: object) -> Scenario:
+    told: dict[str, Any] = tiny_params()["scenarios"][SCENARIO]
+    return Scenario.model_validate(told | changes)
+
+
+def made(seed: int = 7, **changes: object) -> Preprocessed:
+    return preprocess(SCENARIO, scenario(**changes), "modelnet40", RAW, seed=seed)
+
+
+@pytest.mark.usefixtures("project")
+def test_splits_are_those_of_the_data_set_with_some_training_held_out() -> None:
+    preprocessed = made()
+    sizes = {name: len(pairs) for name, pairs in preprocessed.splits.items()}
+    assert sizes == {"train": 6, "val": 3, "test": 3}
+    items = torch.cat([pairs.item for pairs in preprocessed.splits.values()])
+    assert sorted(items.tolist()) == list(range(12))
+    assert preprocessed.splits["test"].group == CATEGORIES
+    assert preprocessed.label == "category"
+
+
+@pytest.mark.usefixtures("project")
+def test_the_pose_carries_the_source_onto_its_shuffled_copy() -> None:
+    for pairs in made().splits.values():
+        moved = transform(pairs.T_target_source, pairs.source.double())
+        distance = torch.cdist(moved, pairs.target.double()).amin(dim=-1).max().item()
+        assert distance < 1e-5
+        assert not torch.allclose(moved, pairs.target.double(), atol=1e-2)
+
+
+@pytest.mark.usefixtures("project")
+def test_no_two_splits_share_their_draws() -> None:
+    splits = made().splits.values()
+    poses = torch.cat([pairs.T_target_source for pairs in splits])
+    shifts = {tuple(pose[:3, 3].tolist()) for pose in poses}
+    assert len(shifts) == len(poses)
+
+
+@pytest.mark.usefixtures("project")
+def test_the_seed_alone_decides_the_draws() -> None:
+    first, again, other = (made(seed).splits["train"] for seed in (7, 7, 8))
+    assert torch.equal(first.target, again.target)
+    assert not torch.equal(first.T_target_source, other.T_target_source)
+
+
+@pytest.mark.usefixtures("project")
+def test_the_numbers_of_the_scenario_reach_the_pairs() -> None:
+    pairs = made(num_points=20, max_rotation_deg=0.0, max_translation=0.5).splits["train"]
+    assert pairs.source.shape == (6, 20, 3)
+    assert torch.equal(pairs.T_target_source[:, :3, :3], torch.eye(3).double().repeat(6, 1, 1))
+    assert 0 < pairs.T_target_source[:, :3, 3].max() <= 0.5
+    cropped = made(num_points=20, keep=0.5).splits["train"]
+    assert cropped.source.shape == (6, 10, 3)
+
+
+@pytest.mark.usefixtures("project")
+def test_the_angles_of_the_scenario_are_degrees() -> None:
+    poses = made(max_rotation_deg=2.0).splits["train"].T_target_source
+    cosines = (torch.einsum("bii->b", poses[:, :3, :3]) - 1) / 2
+    angles = np.rad2deg(np.arccos(cosines.clamp(-1, 1).numpy()))
+    assert 0.5 < angles.max() < 2.0 * 3**0.5 + 1e-6
+
+
+@pytest.mark.usefixtures("project")
+def test_counts_repeat_or_leave_out_items() -> None:
+    splits = made(pairs={"train": 13, "val": 2, "test": None}).splits
+    assert [len(splits[name]) for name in ("train", "val", "test")] == [13, 2, 3]
+    assert len(set(splits["train"].item.tolist())) == 6
+
+
+@pytest.mark.usefixtures("project")
+def test_the_record_tells_where_the_pairs_come_from() -> None:
+    preprocessed = made()
+    record: Any = preprocessed.attributes["provenance"]
+    assert (record["dataset"], record["source"]) == ("modelnet40", "local")
+    assert len(record["files_sha256"]) == 64
+    assert record["items"] == {"train": 6, "val": 3, "test": 3}
+    assert record["licence"] == LICENCES["modelnet40"]
+    assert record["scenario"] == scenario().model_dump()
+    assert (preprocessed.attributes["scenario"], preprocessed.attributes["seed"]) == (SCENARIO, 7)
+
+
+def test_what_the_project_made_itself_has_its_own_licence(blank: Path) -> None:
+    params = tiny_params()
+    params["acquire"]["kitti"]["synthetic"]["scans_per_sequence"] = 3
+    write_params(params)
+    run_instance(instance("acquire@kitti"))
+    split = {"by": "item", "val_fraction": 0.34, "test_fraction": 0.34, "categories": "all"}
+    kitti = scenario(split=split | {"val_groups": [], "test_groups": []})
+    made_up = preprocess("kitti", kitti, "kitti", blank / "data/raw/kitti", seed=7)
+    record: Any = made_up.attributes["provenance"]
+    assert (record["source"], record["licence"]) == ("synthetic", SYNTHETIC_LICENCE)
+    assert (made_up.label, made_up.splits["train"].group) == ("scene", ("00",))
+
+
+def test_every_family_of_params_has_a_reader_and_a_licence(repository: Path) -> None:
+    families = {a.family for a in read_params(repository / "params.yaml").acquire.values()}
+    assert families == READERS.keys() == LICENCES.keys()
+
+
+def test_a_file_that_has_changed_since_is_refused(project: Path) -> None:
+    (project / "boxes" / "bed" / "train" / "bed_0001.off").write_text("OFF\n")
+    with pytest.raises(ValueError, match=r"bed_0001\.off with \d+ bytes, it has 4"):
+        made()
+
+
+def test_a_file_that_is_gone_since_is_refused(project: Path) -> None:
+    (project / "boxes" / "bed" / "train" / "bed_0001.off").unlink()
+    with pytest.raises(FileNotFoundError, match=r"bed_0001\.off, which is gone"):
+        made()

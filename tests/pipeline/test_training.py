@@ -1,0 +1,153 @@
+"""A training is what params.yaml says, and nothing else of it."""
+
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor
+
+from pipeline.params import Params, read_params
+from pipeline.tracking import Journal
+from pipeline.training import CODE, Trained, train_method, training_params
+from tests.described import read_templates
+from tests.tiny import CB, CF, PAIRS, SCENARIO
+
+
+class Forgetful:
+    """A checkpoint that keeps nothing."""
+
+    def load(self) -> None:
+        """There is never anything."""
+
+    def due(self) -> bool:
+        """It is never time."""
+        return False
+
+    def save(self, tensors: object, record: object) -> None:
+        """Nobody calls this."""
+        raise AssertionError(f"saved {tensors}, {record}")
+
+
+def train(params: Params, method: str = CF) -> Trained:
+    return train_method(params, SCENARIO, method, PAIRS, Forgetful())
+
+
+def changed(params: Params, section: str, **update: object) -> Params:
+    return params.model_copy(update={section: getattr(params, section).model_copy(update=update)})
+
+
+def same(a: dict[str, Tensor], b: dict[str, Tensor]) -> bool:
+    return a.keys() == b.keys() and all(torch.equal(a[name], b[name]) for name in a)
+
+
+@pytest.mark.usefixtures("project")
+@pytest.mark.parametrize("method", [CF, CB])
+def test_the_facts_tell_how_much_training_it_was(method: str) -> None:
+    trained = train(read_params(), method)
+    facts = trained.facts
+    assert (facts["method"], facts["scenario"]) == (method, SCENARIO)
+    assert (facts["epochs"], facts["batch_size"], facts["train_pairs"]) == (3, 4, 6)
+    assert facts["steps"] == 3 * 2  # six pairs in batches of four
+    assert facts["parameters"] == sum(
+        value.numel() for name, value in trained.weights.items() if not is_buffer(name, method)
+    )
+    validated = {epoch.epoch: epoch.val_error_r_deg for epoch in trained.curve}
+    assert facts["val_error_r_deg"] == min(validated.values(), key=float)  # type: ignore[arg-type]
+    assert validated[facts["best_epoch"]] == facts["val_error_r_deg"]  # type: ignore[index]
+
+
+def is_buffer(name: str, method: str) -> bool:
+    from pipeline.building import build_learned
+
+    params = read_params()
+    buffers = build_learned(method, params.methods, params.diffusion).named_buffers()
+    return name in dict(buffers)
+
+
+@pytest.mark.usefixtures("project")
+@pytest.mark.parametrize("update", [{"steps": 5}, {"steps": 5, "sampler": "ddim"}])
+def test_how_evaluation_samples_does_not_reach_the_weights(update: dict[str, object]) -> None:
+    params = read_params()
+    plain, other = train(params), train(changed(params, "diffusion", **update))
+    assert same(plain.weights, other.weights)
+    assert plain.curve == other.curve
+    assert plain.facts == other.facts
+
+
+@pytest.mark.usefixtures("project")
+@pytest.mark.parametrize("update", [{"timesteps": 21}])
+def test_the_noise_reaches_the_weights(update: dict[str, object]) -> None:
+    params = read_params()
+    assert not same(train(params).weights, train(changed(params, "diffusion", **update)).weights)
+
+
+@pytest.mark.usefixtures("project")
+def test_the_seed_and_the_poses_reach_the_weights() -> None:
+    params = read_params()
+    plain = train(params).weights
+    assert not same(plain, train(params.model_copy(update={"seed": 8})).weights)
+    assert not same(plain, train(changed(params, "train", poses="fixed")).weights)
+
+
+@pytest.mark.usefixtures("project")
+def test_a_checkpoint_is_told_every_param_that_dvc_watches() -> None:
+    """Or a training would go on from the checkpoint of another one."""
+    params = read_params()
+    told = training_params(params, SCENARIO, CF)
+    made = params.scenarios[SCENARIO]
+    others = {
+        "seed": params.model_copy(update={"seed": 8}),
+        "threads": params.model_copy(update={"threads": 2}),
+        "diffusion.timesteps": changed(params, "diffusion", timesteps=21),
+        "train.poses": changed(params, "train", poses="fixed"),
+        "train.${item.method}": changed(
+            params, "train", **{CF: params.train.pcrdiffusion_cf.model_copy(update={"patience": 9})}
+        ),
+        "methods.${item.method}": changed(
+            params,
+            "methods",
+            **{CF: params.methods.pcrdiffusion_cf.model_copy(update={"feature_dim": 32})},
+        ),
+        "epochs.${item.scenario}.${item.method}": params.model_copy(
+            update={"epochs": {SCENARIO: {CF: 4, CB: 3}}}
+        ),
+        "scenarios.${item.scenario}.max_rotation_deg": params.model_copy(
+            update={"scenarios": {SCENARIO: made.model_copy(update={"max_rotation_deg": 10.0})}}
+        ),
+        "scenarios.${item.scenario}.max_translation": params.model_copy(
+            update={"scenarios": {SCENARIO: made.model_copy(update={"max_translation": 0.1})}}
+        ),
+    }
+    assert others.keys() == set(read_templates()["train"]["params"])
+    unseen = [key for key, other in others.items() if training_params(other, SCENARIO, CF) == told]
+    assert unseen == []
+
+
+def test_a_checkpoint_is_told_all_code_that_a_training_runs() -> None:
+    """Of the deps of dvc.yaml only what cannot touch a half-done training is left out."""
+    deps = [Path(dep) for dep in read_templates()["train"]["deps"] if "${" not in dep]
+    left_out = [d.as_posix() for d in deps if not any(d.is_relative_to(code) for code in CODE)]
+    assert left_out == [
+        "stages/train.py",  # writes when all is done
+        "pipeline/artifacts.py",  # reads pairs, whose bytes are told, and writes when all is done
+        "pipeline/machine.py",  # asks the machine for what `threads` says
+        "pipeline/seeding.py",
+    ]
+
+
+@pytest.mark.usefixtures("project")
+def test_the_journal_gets_the_curve_and_the_numbers(tmp_path: Path) -> None:
+    trained = train(read_params())
+    notes = Journal(tmp_path / "journal")
+    trained.note(notes)
+    notes.close("FINISHED")
+    text = (tmp_path / "journal" / "journal.jsonl").read_text()
+    for name in ("train_loss", "learning_rate", "val_error_r_deg", "val_error_t", "parameters"):
+        assert f'"{name}"' in text
+    assert '"step": 2' in text
+
+
+@pytest.mark.usefixtures("project")
+def test_refuses_a_missing_pair_file() -> None:
+    with pytest.raises(FileNotFoundError, match=r"gone\.h5, there is none: run preprocess"):
+        train_method(read_params(), SCENARIO, CF, Path("gone.h5"), Forgetful())

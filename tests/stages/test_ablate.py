@@ -1,0 +1,58 @@
+"""The ablate stage, end to end."""
+
+import csv
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from tests.tiny import CB, CF, SCENARIO, files_below, instance, refusal, run_instance
+
+ANSWERS = Path("results/ablations/steps.csv")
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+@pytest.fixture(autouse=True)
+def ablated(project: Path) -> Path:
+    run_instance(instance("ablate@steps"))
+    return project
+
+
+def test_there_is_a_row_a_pair_method_and_value() -> None:
+    counts = Counter((row["method"], row["setting"]) for row in read_rows(ANSWERS))
+    assert counts == {(m, f"steps={n}"): 3 for m in (CF, CB) for n in (1, 2)}
+
+
+def test_writes_the_same_bytes_twice(ablated: Path) -> None:
+    before = (ablated / ANSWERS).read_bytes()
+    run_instance(instance("ablate@steps"))
+    assert (ablated / ANSWERS).read_bytes() == before
+
+
+def test_the_unvaried_value_gives_the_rows_of_the_evaluation() -> None:
+    evaluated = read_rows(Path(f"results/{SCENARIO}/{CF}.csv"))
+    ablation = [r for r in read_rows(ANSWERS) if (r["method"], r["setting"]) == (CF, "steps=1")]
+    for ours, theirs in zip(ablation, evaluated, strict=True):
+        del ours["method"]
+        assert ours | {"setting": "paper"} == theirs
+
+
+def test_weights_that_were_cut_are_refused_and_named(ablated: Path) -> None:
+    path = ablated / "models" / SCENARIO / f"{CB}.safetensors"
+    path.write_bytes(path.read_bytes()[:-8])
+    (ablated / ANSWERS).unlink()
+    said = refusal("ablate", instance("ablate@steps").argv)
+    assert f"{CB}.safetensors is not a safetensors file" in said
+    assert not any("ablations" in file for file in files_below(ablated / "results"))
+
+
+def test_a_name_that_no_ablation_has_ends_with_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    from stages.ablate import main
+
+    with pytest.raises(SystemExit) as stop:
+        main(["--name", "luck", "--pairs", "a", "--models", "b", "--answers", "c"])
+    assert stop.value.code == 2
+    assert "luck" in capsys.readouterr().err

@@ -1,0 +1,126 @@
+"""The train stage, end to end: the same weights whatever happens on the way."""
+
+import csv
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from pipeline import checkpoints, training
+from pipeline.artifacts import read_weights
+from tests.tiny import CB, CF, SCENARIO, files_below, instance, run_instance
+
+FOLDER = Path("models") / SCENARIO
+CHECKPOINTS = Path(".pcrdiff") / "checkpoints"
+
+
+def outputs(method: str) -> dict[str, bytes]:
+    """The bytes of all that a training writes."""
+    return {path.name: path.read_bytes() for path in sorted(FOLDER.glob(f"{method}.*"))}
+
+
+def forget(method: str) -> None:
+    for path in FOLDER.glob(f"{method}.*"):
+        path.unlink()
+
+
+def run_train(method: str) -> None:
+    run_instance(instance(f"train@{SCENARIO}-{method}"))
+
+
+class Killed(BaseException):
+    """Stands for a kill."""
+
+
+def killed_after(epochs: int) -> type:
+    """A progress bar under which a training dies before it begins one more epoch."""
+
+    class Bar:
+        def __init__(self, items: Sequence[int], description: str) -> None:
+            del description
+            self.items = items
+
+        def __iter__(self) -> Iterator[int]:
+            for done, item in enumerate(self.items):
+                if done == epochs:
+                    raise Killed
+                yield item
+
+    return Bar
+
+
+@pytest.mark.usefixtures("project")
+@pytest.mark.parametrize("method", [CF, CB])
+def test_the_same_params_write_the_same_bytes(method: str) -> None:
+    before = outputs(method)
+    assert sorted(before) == [f"{method}.csv", f"{method}.json", f"{method}.safetensors"]
+    forget(method)
+    run_train(method)
+    assert outputs(method) == before
+
+
+@pytest.mark.parametrize("epochs", [0, 1, 2])
+@pytest.mark.parametrize("method", [CF, CB])
+def test_a_killed_training_goes_on_and_ends_with_the_same_bytes(
+    project: Path, monkeypatch: pytest.MonkeyPatch, method: str, epochs: int
+) -> None:
+    before = outputs(method)
+    forget(method)
+    monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN", 0.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "bar", killed_after(epochs))
+        with pytest.raises(Killed):
+            run_train(method)
+    assert outputs(method) == {}
+    assert len(list(CHECKPOINTS.glob("*/latest.safetensors"))) == (epochs > 0)
+    seen: list[int] = []
+
+    def counting(items: Sequence[int], description: str) -> Iterable[int]:
+        del description
+        for item in items:
+            seen.append(item)
+            yield item
+
+    monkeypatch.setattr(training, "bar", counting)
+    run_train(method)
+    assert seen == list(range(epochs, 3))
+    assert outputs(method) == before
+    assert files_below(project / CHECKPOINTS) == []
+
+
+def test_nothing_is_left_of_the_checkpoint_after_success(project: Path) -> None:
+    assert (project / FOLDER / f"{CF}.safetensors").is_file()
+    assert list((project / CHECKPOINTS).iterdir()) == []
+
+
+def test_other_data_does_not_go_on_from_the_checkpoint_of_these(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN", 0.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "bar", killed_after(2))
+        with pytest.raises(Killed):
+            run_train(CF)
+    pairs = project / "data" / "pairs" / f"{SCENARIO}.h5"
+    boxes = project / "boxes" / "bed" / "train" / "bed_0001.off"
+    boxes.write_text(boxes.read_text().replace(" 0.0\n", " 0.1\n"))
+    old = pairs.read_bytes()
+    for name in ("acquire@modelnet40", f"preprocess@{SCENARIO}"):
+        run_instance(instance(name))
+    assert pairs.read_bytes() != old
+    seen: list[int] = []
+    monkeypatch.setattr(training, "bar", lambda items, _: seen.extend(items) or items)
+    run_train(CF)
+    assert seen == [0, 1, 2]
+
+
+def test_the_weights_are_those_of_the_method_and_the_facts_and_curve_agree(project: Path) -> None:
+    facts = json.loads((project / FOLDER / f"{CF}.json").read_text())
+    curve = list(csv.DictReader((project / FOLDER / f"{CF}.csv").read_text().splitlines()))
+    weights = read_weights(FOLDER / f"{CF}.safetensors", CF)
+    assert len(weights) > 0
+    assert [row["epoch"] for row in curve] == ["0", "1", "2"]
+    best = curve[facts["best_epoch"]]
+    assert float(best["val_error_r_deg"]) == facts["val_error_r_deg"]
+    assert {"epoch", "loss"} <= curve[0].keys()  # what dvc.yaml plots

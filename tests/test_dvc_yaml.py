@@ -1,0 +1,299 @@
+"""dvc.yaml tells DVC the truth: about the code, the params and the paths of each stage."""
+
+import copy
+import importlib
+import re
+import shutil
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from unittest.mock import MagicMock
+
+import grimp
+import pytest
+import yaml
+
+from pipeline.params import read_params
+from pipeline.tracking import content_md5
+from tests.described import (
+    REPOSITORY,
+    VARIABLE,
+    Instance,
+    expand,
+    read_repository_params,
+    read_templates,
+)
+from tests.recording import Reads, RecordingSection
+from tests.tiny import lay_out, run_instance, standing_in, tiny_params
+
+GLUE = {
+    "pcrdiff.progress": "watches loops, changes none",
+    "pipeline.building": "hands params to methods; a new method must not retrain the old ones",
+    "pipeline.checkpoints": "keeps what a training gives it, and gives it back",
+    "pipeline.invocation": "finds the project and names the run",
+    "pipeline.mlflow_sync": "copies journals into MLflow after the report is written",
+    "pipeline.params": "hands over params.yaml, whose keys DVC watches by themselves",
+    "pipeline.progress": "draws bars",
+    "pipeline.records": "reads journals for MLflow",
+    "pipeline.restored": "tells MLflow what DVC took from its cache",
+    "pipeline.stage": "says how a stage ended",
+    "pipeline.tracking": "writes journals",
+}
+"""Modules that change no result, so that a change of theirs need not re-run a stage; and why."""
+WIRING = {
+    "pcrdiff.diffusion.sampling": "`Walk` carries params into the learned methods, which import it",
+}
+"""What ``pipeline.building`` imports for some methods only, besides the methods themselves."""
+FILES_OF_MODULES = {"pipeline/templates": "pipeline.page"}
+"""Dependencies that no import statement names, and the module that reads them."""
+CODE = ("pcrdiff/", "pipeline/", "stages/")
+NAMES = ("--dataset", "--scenario", "--method", "--name")
+"""The options whose values are names, not paths."""
+
+TEMPLATES = read_templates()
+INSTANCES = expand(read_repository_params())
+IMPORTS = grimp.build_graph(
+    "pcrdiff", "pipeline", "stages", exclude_type_checking_imports=True, cache_dir=None
+)
+
+
+def by_name(instances: list[Instance]) -> dict[str, Instance]:
+    return {instance.name: instance for instance in instances}
+
+
+def methods_of(instance: Instance) -> list[str]:
+    """The methods that an instance builds."""
+    if "method" in instance.item:
+        return [instance.item["method"]]
+    return list(read_repository_params()["run"]["learned"])
+
+
+def imported_modules(instance: Instance) -> set[str]:
+    """What an instance imports of this project, by way of the methods it builds alone."""
+    graph = copy.deepcopy(IMPORTS)
+    own = {f"pcrdiff.methods.{method}" for method in methods_of(instance)}
+    for module in graph.find_modules_directly_imported_by("pipeline.building"):
+        if module in WIRING or (module.startswith("pcrdiff.methods.") and module not in own):
+            graph.remove_import(importer="pipeline.building", imported=module)
+    return set(graph.find_upstream_modules(instance.module)) | {instance.module}
+
+
+def file_of(module: str) -> Path:
+    path = Path(*module.split("."))
+    return path / "__init__.py" if (REPOSITORY / path).is_dir() else path.with_suffix(".py")
+
+
+def lies_in(module: str, dep: str) -> bool:
+    return file_of(module).is_relative_to(dep)
+
+
+# Code.
+
+
+@pytest.mark.parametrize("name", by_name(INSTANCES))
+def test_deps_cover_every_imported_module(name: str) -> None:
+    instance = by_name(INSTANCES)[name]
+    missing = {
+        file_of(module).as_posix()
+        for module in imported_modules(instance) - GLUE.keys()
+        if file_of(module).name != "__init__.py"
+        and not any(lies_in(module, dep) for dep in instance.deps)
+    }
+    assert not missing, f"{name} imports what its deps do not name: {sorted(missing)}"
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_no_dep_is_code_that_the_stage_does_not_import(template: str) -> None:
+    instances = [instance for instance in INSTANCES if instance.template == template]
+    modules = set().union(*map(imported_modules, instances))
+    deps = {dep for instance in instances for dep in instance.deps if dep.startswith(CODE)}
+    assert deps
+    stale = {
+        dep
+        for dep in deps
+        if FILES_OF_MODULES.get(dep) not in modules
+        and not any(lies_in(module, dep) for module in modules)
+    }
+    assert not stale, f"{template} depends on what it does not import: {sorted(stale)}"
+
+
+@pytest.mark.parametrize("name", by_name(INSTANCES))
+def test_every_dep_that_is_code_exists(name: str) -> None:
+    code = [dep for dep in by_name(INSTANCES)[name].deps if dep.startswith(CODE)]
+    assert [dep for dep in code if not (REPOSITORY / dep).exists()] == []
+
+
+def test_every_excuse_is_needed() -> None:
+    reached = set().union(*map(imported_modules, INSTANCES))
+    assert GLUE.keys() <= reached
+    wired = IMPORTS.find_modules_directly_imported_by("pipeline.building")
+    assert WIRING.keys() <= wired
+
+
+@pytest.mark.parametrize("template", ["train", "evaluate"])
+def test_a_learned_method_depends_on_its_own_file_alone(template: str) -> None:
+    for instance in INSTANCES:
+        if instance.template == template:
+            methods = [dep for dep in instance.deps if dep.startswith("pcrdiff/methods")]
+            assert methods == [f"pcrdiff/methods/{instance.item['method']}.py"]
+
+
+# Params.
+
+
+def null_journal(**_: object) -> AbstractContextManager[MagicMock]:
+    """Takes what a journal is told, and reads nothing of it."""
+    return nullcontext(MagicMock())
+
+
+@pytest.fixture(scope="module")
+def reads(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Reads]:
+    """Which params each stage of the tiny project reads: all are run, in the order of dvc.yaml."""
+    folder = tmp_path_factory.mktemp("recorded") / "project"
+    lay_out(folder)
+    read: dict[str, Reads] = {}
+    with standing_in(folder), pytest.MonkeyPatch.context() as patch:
+        for instance in expand(tiny_params()):
+            module = importlib.import_module(instance.module)
+            read[instance.name] = set()
+            params = RecordingSection(read_params(), "", read[instance.name])
+            patch.setattr(module, "read_params", lambda params=params: params)
+            patch.setattr(module, "journal", null_journal)
+            if instance.template == "report":
+                patch.setattr(module, "sync_after_report", MagicMock())
+            run_instance(instance)
+    return read
+
+
+def lies_under(key: str, section: str) -> bool:
+    return key == section or key.startswith(f"{section}.")
+
+
+TINY = by_name(expand(tiny_params()))
+
+
+@pytest.mark.parametrize("name", TINY)
+def test_every_param_that_is_read_is_declared(reads: dict[str, Reads], name: str) -> None:
+    declared = TINY[name].content["params"]
+    missing = {key for key in reads[name] if not any(lies_under(key, d) for d in declared)}
+    assert not missing, f"{name} reads params that dvc.yaml does not name: {sorted(missing)}"
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_every_param_that_is_declared_is_read_or_names_a_path(
+    reads: dict[str, Reads], template: str
+) -> None:
+    instances = [instance for instance in TINY.values() if instance.template == template]
+    written = yaml.safe_dump(TEMPLATES[template])
+    for place in range(len(instances[0].content["params"])):
+        declared = {instance.name: instance.content["params"][place] for instance in instances}
+        is_read = any(lies_under(r, key) for name, key in declared.items() for r in reads[name])
+        is_named = bool({*declared.values()} & {*VARIABLE.findall(written)})
+        assert is_read or is_named, f"{template} declares {declared} and reads none of it"
+
+
+def test_the_recording_sees_what_is_read(reads: dict[str, Reads]) -> None:
+    assert {"seed", "threads", "diffusion.timesteps", "train.pcrdiffusion_cf.batch_size"} <= reads[
+        "train@modelnet40-unseen_objects-pcrdiffusion_cf"
+    ]
+    assert (
+        "scenarios.modelnet40-unseen_objects.max_rotation_deg"
+        in (reads["preprocess@modelnet40-unseen_objects"])
+    )
+
+
+def test_the_steps_of_the_walk_concern_only_what_samples() -> None:
+    concerned = {
+        instance.template
+        for instance in INSTANCES
+        if any(lies_under("diffusion.steps", key) for key in instance.content["params"])
+    }
+    assert concerned == {"evaluate", "ablate"}
+
+
+def test_every_declared_param_exists() -> None:
+    params = read_repository_params()
+    for instance in INSTANCES:
+        for key in instance.content["params"]:
+            value = params
+            for part in key.split("."):
+                assert part in value, f"{instance.name} declares {key}, params.yaml has none"
+                value = value[part]
+
+
+# Paths.
+
+
+@pytest.mark.parametrize("name", by_name(INSTANCES))
+def test_every_path_of_a_command_is_a_dep_or_an_out(name: str) -> None:
+    instance = by_name(INSTANCES)[name]
+    options = dict(zip(instance.argv[::2], instance.argv[1::2], strict=True))
+    assert all(option.startswith("--") for option in options)
+    paths = [value for option, value in options.items() if option not in NAMES]
+    assert [path for path in paths if path not in {*instance.deps, *instance.outs}] == []
+    assert [out for out in instance.outs if out not in paths] == []
+
+
+@pytest.mark.parametrize("name", by_name(INSTANCES))
+def test_every_dep_that_is_no_code_is_in_the_command_and_made_by_another_stage(name: str) -> None:
+    instance = by_name(INSTANCES)[name]
+    data = [dep for dep in instance.deps if not dep.startswith(CODE)]
+    assert [dep for dep in data if dep not in instance.argv] == []
+    made = {out for each in INSTANCES for out in each.outs}
+    assert [dep for dep in data if not any(Path(out).is_relative_to(dep) for out in made)] == []
+
+
+def test_a_command_runs_the_file_it_depends_on() -> None:
+    for instance in INSTANCES:
+        assert " python -m stages." in f" {instance.content['cmd']}"
+        assert f"{instance.module.replace('.', '/')}.py" in instance.deps
+
+
+def test_no_two_stages_write_one_path() -> None:
+    outs = [out for instance in INSTANCES for out in instance.outs]
+    assert len(outs) == len(set(outs))
+
+
+# params.yaml and DVC's ``-S``.
+
+
+def flow_style_nodes(node: yaml.Node) -> list[yaml.Node]:
+    """Lists and mappings written ``[a, b]`` or ``{a: b}``; empty ones are fine."""
+    if isinstance(node, yaml.ScalarNode):
+        return []
+    children = [
+        child for pair in node.value for child in (pair if isinstance(pair, tuple) else [pair])
+    ]
+    own = [node] if node.flow_style and node.value else []
+    return own + [found for child in children for found in flow_style_nodes(child)]
+
+
+@pytest.mark.parametrize(
+    "name", ["params.yaml", "profiles/quick.yaml", "profiles/cpu.yaml", "profiles/paper.yaml"]
+)
+def test_lists_are_in_block_style(name: str) -> None:
+    node = yaml.compose((REPOSITORY / name).read_text())
+    assert [str(found.start_mark) for found in flow_style_nodes(node)] == []
+
+
+def test_flow_style_is_found_where_there_is_some() -> None:
+    assert len(flow_style_nodes(yaml.compose("a: [1]\nb: []\nc: {d: {}}\n"))) == 2
+
+
+def test_setting_a_param_by_dvc_changes_its_line_alone(tmp_path: Path) -> None:
+    from dvc.utils.hydra import apply_overrides
+
+    shutil.copy(REPOSITORY / "params.yaml", tmp_path)
+    before = (tmp_path / "params.yaml").read_text().splitlines()
+    apply_overrides(tmp_path / "params.yaml", ["diffusion.steps=4"])
+    after = (tmp_path / "params.yaml").read_text().splitlines()
+    changed = [(a, b) for a, b in zip(before, after, strict=True) if a != b]
+    assert [re.sub(r"\s*#.*", "", line) for _, line in changed] == ["  steps: 4"]
+
+
+def test_the_digest_of_a_dep_does_not_see_bytecode(tmp_path: Path) -> None:
+    (tmp_path / "a.py").write_text("")
+    before = content_md5(tmp_path)
+    (tmp_path / "__pycache__").mkdir()
+    (tmp_path / "__pycache__" / "a.pyc").write_text("")
+    assert content_md5(tmp_path) == before
+    assert "__pycache__/" in (REPOSITORY / ".dvcignore").read_text().split()

@@ -1,0 +1,64 @@
+"""The profiles: the same keys, other numbers; the quick one is what the repository runs."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from pipeline.params import read_params
+from tests.described import REPOSITORY
+
+PROFILES = ("quick", "cpu", "paper")
+
+
+def profile(name: str) -> Path:
+    return REPOSITORY / "profiles" / f"{name}.yaml"
+
+
+def differences(ours: Any, theirs: Any, path: str = "") -> list[str]:  # noqa: ANN401  YAML
+    """The dotted keys that one of two has alone; a section may be null, if the params let it."""
+    if ours is None or theirs is None or not isinstance(ours, dict | list):
+        return [] if not isinstance(theirs, dict | list) or ours is None else [path]
+    if isinstance(ours, list) or not isinstance(theirs, dict):
+        return [] if type(ours) is type(theirs) else [path]
+    alone = [f"{path}.{key}" for key in ours.keys() ^ theirs.keys()]
+    both = ours.keys() & theirs.keys()
+    return alone + [d for k in both for d in differences(ours[k], theirs[k], f"{path}.{k}")]
+
+
+def load(path: Path) -> dict[str, Any]:
+    loaded: dict[str, Any] = yaml.safe_load(path.read_text())
+    return loaded
+
+
+def test_the_repository_runs_the_quick_profile() -> None:
+    assert (REPOSITORY / "params.yaml").read_bytes() == profile("quick").read_bytes()
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_a_profile_is_valid_and_says_its_own_name(name: str) -> None:
+    assert read_params(profile(name)).profile == name
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_a_profile_has_the_keys_of_params_yaml(name: str) -> None:
+    ours, theirs = load(REPOSITORY / "params.yaml"), load(profile(name))
+    assert differences(ours, theirs) == []
+
+
+def test_a_missing_an_extra_and_a_moved_key_are_seen() -> None:
+    ours, theirs = load(profile("quick")), load(profile("quick"))
+    del theirs["train"]["pcrdiffusion_cf"]["patience"]
+    theirs["diffusion"]["stepps"] = 1
+    theirs["seed"] = {"all": 7}
+    assert sorted(differences(ours, theirs)) == [
+        ".diffusion.stepps",
+        ".seed",
+        ".train.pcrdiffusion_cf.patience",
+    ]
+
+
+def test_the_profiles_differ_in_more_than_their_names() -> None:
+    contents = [load(profile(name)) | {"profile": ""} for name in PROFILES]
+    assert all(a != b for k, a in enumerate(contents) for b in contents[k + 1 :])
