@@ -28,6 +28,9 @@ def icp(
 
     ``max_distance`` between matched points is in the clouds' unit. Ends early where a round
     changes fitness and RMSE by less than Open3D's 1e-6.
+
+    Raises:
+        ValueError: No two points are within ``max_distance``; Open3D would answer ``T_start``.
     """
     result = registration.registration_icp(
         source,
@@ -37,6 +40,8 @@ def icp(
         registration.TransformationEstimationPointToPoint(),
         registration.ICPConvergenceCriteria(max_iteration=max_iterations),
     )
+    if len(result.correspondence_set) == 0:
+        raise ValueError(f"icp needs points within {max_distance} of each other, got none")
     return np.array(result.transformation)
 
 

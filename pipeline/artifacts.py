@@ -205,12 +205,10 @@ def write_curve(path: Path, curve: "Sequence[Epoch]") -> None:
     """Write a training curve, one row an epoch; not validated: empty."""
     terms = sorted(curve[0].losses)  # by name: a resumed training has them in another order
     head = ["epoch", "step", "learning_rate", *terms, "val_error_r_deg", "val_error_t"]
-    rows = [
-        [e.epoch, e.step, e.learning_rate]
-        + [e.losses[term] for term in terms]
-        + [e.val_error_r_deg, e.val_error_t]
-        for e in curve
-    ]
+    rows = []
+    for e in curve:
+        losses = [e.losses[term] for term in terms]
+        rows.append([e.epoch, e.step, e.learning_rate, *losses, e.val_error_r_deg, e.val_error_t])
     write_atomically(path, _csv([head, *rows]))
 
 

@@ -1,9 +1,9 @@
 """The typed face of params.yaml: one frozen model per section, nothing optional, nothing extra."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import radians
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -226,6 +226,20 @@ class Params(Section):
 def _same(a_name: str, a: Sequence[str], b_name: str, b: Sequence[str]) -> None:
     if set(a) != set(b):
         raise ValueError(f"{a_name} needs the same names as {b_name}: {set(a) ^ set(b)} differ")
+
+
+Named = TypeVar("Named")
+
+
+def pick(sections: Mapping[str, Named], name: str, where: str) -> Named:
+    """One of several named sections.
+
+    Raises:
+        ValueError: There is none of that name.
+    """
+    if name not in sections:
+        raise ValueError(f"params.yaml has no {where}.{name}, there are {sorted(sections)}")
+    return sections[name]
 
 
 def read_params(path: Path = Path("params.yaml")) -> Params:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from pipeline.acquiring import acquire
-from pipeline.params import read_params
+from pipeline.params import pick, read_params
 from pipeline.stage import run
 from pipeline.tracking import journal
 
@@ -17,7 +17,7 @@ def main(argv: list[str] | None = None) -> None:
     args = parser.parse_args(argv)
 
     params = read_params()
-    section = params.acquire[args.dataset]
+    section = pick(params.acquire, args.dataset, "acquire")
     with journal(params=section.model_dump()):
         acquire(section, args.out, seed=params.seed)
 

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from pipeline.artifacts import write_pairs
-from pipeline.params import read_params
+from pipeline.params import pick, read_params
 from pipeline.preprocessing import preprocess
 from pipeline.stage import run
 from pipeline.tracking import journal
@@ -19,7 +19,7 @@ def main(argv: list[str] | None = None) -> None:
     args = parser.parse_args(argv)
 
     params = read_params()
-    section = params.scenarios[args.scenario]
+    section = pick(params.scenarios, args.scenario, "scenarios")
     family = params.acquire[section.dataset].family
     with journal(params=section.model_dump(), inputs=[args.raw]) as notes:
         made = preprocess(args.scenario, section, family, args.raw, seed=params.seed)

@@ -77,14 +77,14 @@ class RecordingDict(dict[str, Any]):
             self._reads.add(self._path)
         return super().__iter__()
 
-    def keys(self) -> KeysView[str]:
+    def keys(self) -> KeysView[str]:  # type: ignore[override]
         """As dict has it."""
         return KeysView(self)
 
-    def values(self) -> ValuesView[Any]:
+    def values(self) -> ValuesView[Any]:  # type: ignore[override]
         """As dict has it."""
         return ValuesView(self)
 
-    def items(self) -> ItemsView[str, Any]:  # type: ignore[override]  dict's own view is final
+    def items(self) -> ItemsView[str, Any]:  # type: ignore[override]
         """As dict has it."""
         return ItemsView(self)

@@ -98,6 +98,9 @@ def test_deps_cover_every_imported_module(name: str) -> None:
         if file_of(module).name != "__init__.py"
         and not any(lies_in(module, dep) for dep in instance.deps)
     }
+    modules = imported_modules(instance)
+    missing |= {dep for dep, module in FILES_OF_MODULES.items() if module in modules}
+    missing -= {*instance.deps}
     assert not missing, f"{name} imports what its deps do not name: {sorted(missing)}"
 
 
@@ -256,9 +259,9 @@ def test_no_two_stages_write_one_path() -> None:
 # params.yaml and DVC's ``-S``.
 
 
-def flow_style_nodes(node: yaml.Node) -> list[yaml.Node]:
+def flow_style_nodes(node: yaml.Node | None) -> list[yaml.Node]:
     """Lists and mappings written ``[a, b]`` or ``{a: b}``; empty ones are fine."""
-    if isinstance(node, yaml.ScalarNode):
+    if not isinstance(node, yaml.CollectionNode):
         return []
     children = [
         child for pair in node.value for child in (pair if isinstance(pair, tuple) else [pair])

@@ -34,7 +34,9 @@ def jitter(
     return points + np.clip(noise, -clip, clip)
 
 
-def crop(points: Cloud, keep: float, *, generator: np.random.Generator) -> Cloud:
+def crop(
+    points: Cloud, keep: float, *, generator: np.random.Generator
+) -> Float64[np.ndarray, "kept 3"]:
     """Keep the share ``keep`` of the points that lies furthest along a random direction.
 
     The half-space crop of Yew & Lee (2020); ``ceil(keep * points)`` points remain.
@@ -46,7 +48,8 @@ def crop(points: Cloud, keep: float, *, generator: np.random.Generator) -> Cloud
         raise ValueError(f"crop needs keep in (0, 1], got {keep}")
     direction = generator.normal(size=3)
     order = np.argsort(points @ direction, kind="stable")
-    kept = np.sort(order[len(points) - int(np.ceil(keep * len(points))) :])
+    count = int(np.ceil(keep * len(points) - 1e-9))  # 0.55 * 100 is a little above 55
+    kept = np.sort(order[len(points) - count :])
     return points[kept]
 
 

@@ -73,20 +73,20 @@ def split_items(items: Sequence[RawItem], split: Split) -> dict[str, list[int]]:
 def _by_share(
     candidates: Sequence[int], val_fraction: float, test_fraction: float
 ) -> dict[str, list[int]]:
-    """Spread val and test evenly over the candidates: the k-th goes where its share crosses one."""
-    chosen: dict[str, list[int]] = {name: [] for name in SPLITS}
+    """Spread test evenly over the candidates, and val over those that are left."""
+    rest, test = _spread(candidates, test_fraction)
+    train, val = _spread(rest, val_fraction * len(candidates) / max(len(rest), 1))
+    return {"train": train, "val": val, "test": test}
+
+
+def _spread(candidates: Sequence[int], share: float) -> tuple[list[int], list[int]]:
+    """Those that are left, and the chosen: the k-th is chosen where ``k * share`` crosses one."""
+    left: list[int] = []
+    chosen: list[int] = []
     for k, index in enumerate(candidates):
-        if _crosses(k, test_fraction):
-            chosen["test"].append(index)
-        elif _crosses(k, test_fraction + val_fraction):
-            chosen["val"].append(index)
-        else:
-            chosen["train"].append(index)
-    return chosen
-
-
-def _crosses(k: int, share: float) -> bool:
-    return int((k + 1) * share + 1e-9) > int(k * share + 1e-9)
+        crosses = int((k + 1) * share + 1e-9) > int(k * share + 1e-9)
+        (chosen if crosses else left).append(index)
+    return left, chosen
 
 
 def _by_group(items: Sequence[RawItem], split: Split) -> dict[str, list[int]]:
@@ -115,7 +115,10 @@ def _by_halves(items: Sequence[RawItem], chosen: Mapping[str, list[int]]) -> dic
 
 
 def make_pair(
-    surface: Mesh | Cloud, corruption: Corruption, *, generator: np.random.Generator
+    surface: Mesh | Float64[np.ndarray, "surface 3"],
+    corruption: Corruption,
+    *,
+    generator: np.random.Generator,
 ) -> tuple[Cloud, Cloud, Float64[np.ndarray, "4 4"]]:
     """Source, target and the T_target_source that carries the one into the other's frame.
 

@@ -53,5 +53,8 @@ class FGR:
         result = registration.registration_fgr_based_on_feature_matching(
             p, q, fpfh(p, *self.feature), fpfh(q, *self.feature), option
         )
+        matches = len(result.correspondence_set)
+        if matches < 3:  # Open3D would answer the shift between the centroids
+            raise ValueError(f"fgr needs 3 matches within {self.max_distance}, got {matches}")
         pose: Float64[np.ndarray, "4 4"] = np.array(result.transformation)
         return pose

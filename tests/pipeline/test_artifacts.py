@@ -15,7 +15,6 @@ from safetensors.torch import save_file
 from pcrdiff.evaluation import Estimates
 from pcrdiff.registration import SPLITS, Pairs
 from pcrdiff.training import Epoch
-from pipeline import artifacts
 from pipeline.artifacts import (
     ANSWER,
     read_pairs,
@@ -117,7 +116,7 @@ def test_a_disk_that_fills_up_leaves_the_old_file_and_nothing_else(
             raise OSError(28, "No space left on device")
 
     write_atomically(tmp_path / "file", b"old")
-    monkeypatch.setattr(artifacts.os, "fdopen", lambda handle, _: Full(handle))
+    monkeypatch.setattr(os, "fdopen", lambda handle, _: Full(handle))
     with pytest.raises(OSError, match="No space left"):
         write_atomically(tmp_path / "file", b"new content")
     assert (tmp_path / "file").read_bytes() == b"old"

@@ -1,11 +1,12 @@
 """What a computation asks of the machine is there afterwards."""
 
+import ctypes
+import sys
 from collections.abc import Iterator
 
 import pytest
 import torch
 
-from pipeline import machine
 from pipeline.machine import settle
 
 
@@ -44,7 +45,7 @@ def test_settles_where_there_is_no_glibc(monkeypatch: pytest.MonkeyPatch) -> Non
     def refuse(_: object) -> None:
         raise OSError("no such library")
 
-    monkeypatch.setattr(machine.ctypes, "CDLL", refuse)
-    monkeypatch.setattr(machine.sys, "platform", "darwin")
+    monkeypatch.setattr(ctypes, "CDLL", refuse)
+    monkeypatch.setattr(sys, "platform", "darwin")
     settle(1)
     assert torch.get_num_threads() == 1

@@ -38,7 +38,7 @@ def test_the_repository_s_params_are_read(repository: Path) -> None:
 def test_params_cannot_be_changed(repository: Path) -> None:
     params = read_params(repository / "params.yaml")
     with pytest.raises(ValidationError, match="frozen"):
-        params.seed = 8  # type: ignore[misc]
+        params.seed = 8
 
 
 WRONG: dict[str, tuple[Change, str]] = {

@@ -59,7 +59,7 @@ def outputs() -> dict[str, bytes]:
     return {file.as_posix(): file.read_bytes() for file in files}
 
 
-def write_scans(folder: Path, spoil: Callable[[Path], None] = lambda _: None) -> None:
+def write_scans(folder: Path, spoil: Callable[[Path], object] = lambda _: None) -> None:
     """Write three KITTI scans of 60 points, and spoil the first."""
     velodyne = folder / "sequences" / "00" / "velodyne"
     velodyne.mkdir(parents=True)

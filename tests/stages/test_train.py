@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -50,6 +50,18 @@ def killed_after(epochs: int) -> type:
     return Bar
 
 
+def counted_in(seen: list[int]) -> Callable[[Sequence[int], str], Iterable[int]]:
+    """A progress bar that notes the epochs that are run."""
+
+    def bar(items: Sequence[int], description: str) -> Iterable[int]:
+        del description
+        for item in items:
+            seen.append(item)
+            yield item
+
+    return bar
+
+
 @pytest.mark.usefixtures("project")
 @pytest.mark.parametrize("method", [CF, CB])
 def test_the_same_params_write_the_same_bytes(method: str) -> None:
@@ -75,14 +87,7 @@ def test_a_killed_training_goes_on_and_ends_with_the_same_bytes(
     assert outputs(method) == {}
     assert len(list(CHECKPOINTS.glob("*/latest.safetensors"))) == (epochs > 0)
     seen: list[int] = []
-
-    def counting(items: Sequence[int], description: str) -> Iterable[int]:
-        del description
-        for item in items:
-            seen.append(item)
-            yield item
-
-    monkeypatch.setattr(training, "bar", counting)
+    monkeypatch.setattr(training, "bar", counted_in(seen))
     run_train(method)
     assert seen == list(range(epochs, 3))
     assert outputs(method) == before
@@ -110,7 +115,7 @@ def test_other_data_does_not_go_on_from_the_checkpoint_of_these(
         run_instance(instance(name))
     assert pairs.read_bytes() != old
     seen: list[int] = []
-    monkeypatch.setattr(training, "bar", lambda items, _: seen.extend(items) or items)
+    monkeypatch.setattr(training, "bar", counted_in(seen))
     run_train(CF)
     assert seen == [0, 1, 2]
 

@@ -104,6 +104,15 @@ def test_named_groups_go_where_they_are_sent() -> None:
     assert chosen == {"train": [0, 1, 2], "val": [3, 4, 5], "test": [6, 7, 8]}
 
 
+def test_groups_stay_whole_where_none_is_named() -> None:
+    items = make_items([f"{k:02}" for k in range(10)], 3)
+    chosen = split_items(items, Split("group", 0.1, 0.2, (), (), "all"))
+    places = [{items[i].group for i in chosen[name]} for name in SPLITS]
+    assert [len(groups) for groups in places] == [7, 1, 2]
+    assert not places[0] & places[1] | places[0] & places[2] | places[1] & places[2]
+    assert sum(len(chosen[name]) for name in SPLITS) == 30
+
+
 @pytest.mark.parametrize(
     ("val", "test"), [(0.1, 0.1), (0.1, 0.2), (0.2, 0.1), (0.1, 0.3), (0.2, 0.3), (0.15, 0.25)]
 )

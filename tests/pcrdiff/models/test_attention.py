@@ -30,7 +30,8 @@ def slow_twin(layer: CrossCloudAttention, own: Tensor, other: Tensor) -> Tensor:
         mixed.append(layer.norm_attention(feature + layer.out(torch.cat(heads))))
     attended = torch.stack(mixed)
     result: Tensor = layer.norm_feed(attended + layer.feed(attended))
-    return result / result.norm(dim=-1, keepdim=True)
+    unit: Tensor = result / result.norm(dim=-1, keepdim=True)
+    return unit
 
 
 @pytest.mark.parametrize(("n", "m"), [(6, 6), (5, 9), (9, 5), (1, 1)])
