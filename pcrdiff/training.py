@@ -91,7 +91,7 @@ class Trainer:
         """``fresh`` draws a new pose per pair and epoch; None keeps those of the pair file."""
         self.method, self.train, self.val, self.budget = method, train, val, budget
         self.fresh, self.seed = fresh, seed
-        self.optimizer = torch.optim.Adam(method.parameters(), lr=budget.learning_rate)
+        self.optimizer = torch.optim.Adam(method.parameters(), lr=budget.learning_rate, fused=True)
         self.curve: list[Epoch] = []
         self.best: dict[str, Tensor] = {}
         self.best_error, self.best_epoch = math.inf, -1
