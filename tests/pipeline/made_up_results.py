@@ -179,6 +179,5 @@ def make_report_inputs(folder: Path) -> list[str]:
         "page": reports / "index.html",
         "figures": reports / "figures",
         "summary": reports / "summary.json",
-        "profile": "quick",
     }
     return [text for name, value in flags.items() for text in (f"--{name}", str(value))]

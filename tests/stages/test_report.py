@@ -1,10 +1,12 @@
 """The report stage, end to end on made-up results."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
 
+from pipeline.mlflow_sync import SyncReport
 from pipeline.tables import parse_rows
 from stages.report import main
 from tests.pipeline.made_up_results import make_report_inputs, write_everything
@@ -19,6 +21,17 @@ FILES = [
     "results.md",
     "summary.json",
 ]
+
+
+@pytest.fixture(autouse=True)
+def in_a_project(tmp_path: Path, repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stage runs where a params.yaml is, and MLflow is not asked."""
+    project = tmp_path / "project"
+    project.mkdir()
+    shutil.copy(repository / "params.yaml", project)
+    monkeypatch.chdir(project)
+    monkeypatch.setenv("DVC_ROOT", str(project))
+    monkeypatch.setattr("stages.report.sync_after_report", lambda: SyncReport("nowhere"))
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -32,7 +32,7 @@ def test_a_solid_is_closed_and_faces_outwards(name: str) -> None:
 
 def test_placing_turns_counter_clockwise_before_it_moves() -> None:
     mesh = placed(
-        Mesh(np.array([[1.0, 0.0, 0.0]]), np.zeros((0, 3), np.int64)), 5.0, 0, 2, np.pi / 2
+        Mesh(np.array([[1.0, 0.0, 0.0]]), np.zeros((0, 3), np.int64)), 5.0, 0.0, 2.0, np.pi / 2
     )
     np.testing.assert_allclose(mesh.vertices, [[5.0, 1.0, 2.0]], atol=1e-12)
 
