@@ -45,8 +45,13 @@ COLOURS: "dict[Level, str]" = {"ok": "green", "warning": "yellow", "error": "red
 def plan(
     targets: Annotated[list[str] | None, typer.Argument(help="Stages; all if none.")] = None,
 ) -> None:
-    """Show which stages `dvc repro` would run, and run none."""
-    become_module("dvc", "repro", "--dry", *(targets or []))
+    """Show which stages `dvc repro` would run and why, and run none."""
+    from pipeline.planning import plan_stages
+
+    found = list(plan_stages(_root(), targets or []))
+    for stage, why in found:
+        typer.echo(f"{stage}  ({why})")
+    typer.echo(f"{len(found)} stages would run")
 
 
 @app.command()

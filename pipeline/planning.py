@@ -1,7 +1,8 @@
 """What `dvc repro` would run. DVC's own ``--dry`` stops at the first input that is yet to be made."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 
 def plan_stages(root: Path, targets: Sequence[str]) -> Iterator[tuple[str, str]]:
@@ -12,29 +13,41 @@ def plan_stages(root: Path, targets: Sequence[str]) -> Iterator[tuple[str, str]]
         targets: Stages, or groups such as ``train``, with all they need; none means all.
 
     Raises:
-        ValueError: No such stage.
+        ValueError: No such stage, or no DVC project.
     """
     import networkx as nx
     from dvc.exceptions import DvcException
     from dvc.repo import Repo
 
-    repo = Repo(str(root))
     try:
-        wanted = [info.stage for name in targets for info in repo.stage.collect_granular(name)]
+        repo = Repo(str(root))
     except DvcException as error:
         raise ValueError(str(error)) from error
     graph = repo.index.graph  # from a stage to those it needs
-    if wanted:
+    if targets:
+        wanted = [stage for name in targets for stage in _named(graph.nodes, name)]
         needed = {stage for name in wanted for stage in (name, *nx.descendants(graph, name))}
         graph = graph.subgraph(needed)
     running: set[object] = set()
     with repo.lock:
         for stage in nx.dfs_postorder_nodes(graph):
-            above = [needed.addressing for needed in graph.successors(stage) if needed in running]
+            above = [_name(needed) for needed in graph.successors(stage) if needed in running]
             why = f"{above[0]} runs" if above else _changes(stage.status())
             if why:
                 running.add(stage)
-                yield stage.addressing, why
+                yield _name(stage), why
+
+
+def _named(stages: Iterable[Any], name: str) -> list[Any]:
+    found = [stage for stage in stages if _name(stage).partition("@")[0] == name]
+    found += [stage for stage in stages if _name(stage) == name and "@" in name]
+    if not found:
+        raise ValueError(f"no stage is called {name!r}")
+    return found
+
+
+def _name(stage: Any) -> str:  # noqa: ANN401  DVC's own stage
+    return str(getattr(stage, "name", None) or stage.relpath)
 
 
 def _changes(status: "dict[str, list[object]]") -> str:

@@ -12,7 +12,7 @@ import pytest
 from filelock import FileLock
 from typer.testing import CliRunner, Result
 
-from pipeline import cli
+from pipeline import cli, planning
 from pipeline.doctor import CHECKS, Finding, check_code_in_git, check_lock, check_weights, examine
 from pipeline.housekeeping import SETTLING_SECONDS
 from pipeline.invocation import VARIABLE
@@ -105,21 +105,19 @@ def test_params_that_are_not_yaml_are_one_sentence(project: Path) -> None:
     assert result.stderr.count("\n") == 1
 
 
-def test_plan_is_dvcs_dry_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[str, ...]] = []
-    monkeypatch.setattr(cli, "become_module", lambda *words: asked.append(words))
-    pcrdiff("plan", "report")
-    assert asked == [("dvc", "repro", "--dry", "report")]
+def test_plan_names_what_would_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planning, "plan_stages", lambda _, targets: [(targets[0], "it is new")])
+    result = pcrdiff("plan", "report")
+    assert result.stdout == "report  (it is new)\n1 stages would run\n"
 
 
-def test_plan_outside_a_dvc_repository_ends_as_dvc_does() -> None:
-    code = "from pipeline.cli import app; app(['plan'])"
-    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True
-    )
-    assert done.returncode == 253
-    assert "not inside of a DVC repository" in done.stderr
+def test_plan_outside_a_dvc_repository_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DVC_ROOT", str(tmp_path))
+    result = pcrdiff("plan")
+    assert result.exit_code == 1
+    assert "not inside of a DVC repository" in result.stderr
 
 
 def test_the_ui_serves_this_projects_store_to_this_machine_only(
