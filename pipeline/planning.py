@@ -1,6 +1,6 @@
 """What `dvc repro` would run. DVC's own ``--dry`` stops at the first input that is yet to be made."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,15 +50,13 @@ def _name(stage: Any) -> str:  # noqa: ANN401  DVC's own stage
     return str(getattr(stage, "name", None) or stage.relpath)
 
 
-def _changes(status: "dict[str, list[object]]") -> str:
+def _changes(status: Mapping[str, Sequence[Any]]) -> str:
     """Say in a few words what DVC found changed; nothing where nothing is."""
-    found = [
-        f"{name} is {how}"
-        for entries in status.values()
-        for entry in entries
-        if isinstance(entry, dict)
-        for changed in entry.values()
-        for name, how in (changed.items() if isinstance(changed, dict) else [])
-    ]
-    commands = any(entry == "changed command" for e in status.values() for entry in e)
-    return "; ".join([*(["its command changed"] if commands else []), *found[:2]])
+    entries = [entry for found in status.values() for entry in found]
+    said = ["its command changed"] if "changed command" in entries else []
+    changed = [change for entry in entries if isinstance(entry, dict) for change in entry.values()]
+    found = [pair for change in changed if isinstance(change, dict) for pair in change.items()]
+    for name, how in found[:2]:
+        parts = how if isinstance(how, dict) else {name: how}  # params.yaml: {key: modified}
+        said += [f"{part} is {state}" for part, state in parts.items()][:2]
+    return "; ".join(said)
