@@ -11,6 +11,9 @@ setup: .venv/ready
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@# DVC's experiments are commits; where git knows nobody, this clone gets a name of its own.
+	@git config user.name >/dev/null || git config --local user.name pcrdiff
+	@git config user.email >/dev/null || git config --local user.email pcrdiff@localhost
 	touch $@
 
 repro: setup  ## the main job: raw clouds to report, on embedded data
