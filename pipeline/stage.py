@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 
 def run(main: Callable[[], None]) -> None:
@@ -9,5 +10,5 @@ def run(main: Callable[[], None]) -> None:
     try:
         main()
     except (ValueError, OSError, RuntimeError) as error:
-        name = main.__module__ if main.__module__ != "__main__" else sys.argv[0]
+        name = main.__module__ if main.__module__ != "__main__" else Path(sys.argv[0]).stem
         sys.exit(f"{name}: {' '.join(str(error).split())}")

@@ -64,4 +64,4 @@ def test_the_process_ends_with_one_line_and_code_1(tmp_path: Path, repository: P
         [sys.executable, str(script)], env=environment, capture_output=True, text=True
     )
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == f"{script}: a.h5 needs schema 1\n"
+    assert done.stderr == f"{script.stem}: a.h5 needs schema 1\n"
