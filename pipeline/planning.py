@@ -26,21 +26,20 @@ def plan_stages(root: Path, targets: Sequence[str]) -> Iterator[tuple[str, str]]
     graph = repo.index.graph  # from a stage to those it needs
     if targets:
         wanted = [stage for name in targets for stage in _named(graph.nodes, name)]
-        needed = {stage for name in wanted for stage in (name, *nx.descendants(graph, name))}
-        graph = graph.subgraph(needed)
+        above = {needed for stage in wanted for needed in nx.descendants(graph, stage)}
+        graph = graph.subgraph({*wanted, *above})
     running: set[object] = set()
     with repo.lock:
         for stage in nx.dfs_postorder_nodes(graph):
-            above = [_name(needed) for needed in graph.successors(stage) if needed in running]
-            why = f"{above[0]} runs" if above else _changes(stage.status())
+            causes = [_name(needed) for needed in graph.successors(stage) if needed in running]
+            why = f"{causes[0]} runs" if causes else _changes(stage.status())
             if why:
                 running.add(stage)
                 yield _name(stage), why
 
 
 def _named(stages: Iterable[Any], name: str) -> list[Any]:
-    found = [stage for stage in stages if _name(stage).partition("@")[0] == name]
-    found += [stage for stage in stages if _name(stage) == name and "@" in name]
+    found = [s for s in stages if name in (_name(s), _name(s).partition("@")[0])]
     if not found:
         raise ValueError(f"no stage is called {name!r}")
     return found
