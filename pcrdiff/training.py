@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -155,13 +155,14 @@ class Trainer:
 
     def _validate(self) -> tuple[float, float]:
         """Mean errors on the validation pairs, the same noise every time."""
+        self.method.eval()
         generator = torch.Generator().manual_seed(self.seed)
+        source, target = self.val.clouds(self.method.normals)
         estimates = [
-            self.method.register(
-                self.val.source[i : i + 1], self.val.target[i : i + 1], generator=generator
-            )
+            self.method.register(source[i : i + 1], target[i : i + 1], generator=generator)
             for i in range(len(self.val))
         ]
+        self.method.train()
         estimate, truth = torch.cat(estimates).double(), self.val.T_target_source
         return error_r_deg(estimate, truth).mean().item(), error_t(estimate, truth).mean().item()
 
@@ -221,7 +222,10 @@ def repose(pairs: Pairs, fresh: FreshPoses, generators: list[np.random.Generator
     T_new = torch.from_numpy(np.stack(poses))
     T_new_old = T_new @ invert(pairs.T_target_source)
     target = transform(T_new_old, pairs.target.double()).to(pairs.target)
-    return Pairs(pairs.source, target, T_new, pairs.item, pairs.group)
+    normals = pairs.target_normals
+    if normals is not None:
+        normals = (normals.double() @ T_new_old[:, :3, :3].mT).to(normals)
+    return replace(pairs, target=target, T_target_source=T_new, target_normals=normals)
 
 
 def halvings(losses: list[float], patience: int) -> int:

@@ -5,7 +5,8 @@ import io
 import json
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,9 +25,11 @@ if TYPE_CHECKING:
     from pcrdiff.training import Epoch
 
 PAIR_SCHEMA = 1
-RIGID_TOLERANCE = 1e-6
+RIGID_TOLERANCE, NORMAL_TOLERANCE = 1e-6, 1e-3
 KINDS = {"source": "f", "target": "f", "T_target_source": "f", "item": "iu"}
 """numpy's kinds of number in the datasets of a split."""
+NORMALS = ("source_normals", "target_normals")
+"""Datasets that a split has where the scenario keeps given normals; both or neither."""
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -73,8 +76,9 @@ def write_pairs(
         file.attrs["provenance"] = json.dumps(attributes["provenance"], sort_keys=True)
         for name in SPLITS:
             pairs, group = splits[name], file.create_group(name)
-            for field in ("source", "target", "T_target_source", "item"):
-                group.create_dataset(field, data=getattr(pairs, field).numpy())
+            for field in (*KINDS, *NORMALS):
+                if getattr(pairs, field) is not None:
+                    group.create_dataset(field, data=getattr(pairs, field).numpy())
             group.create_dataset(label, data=list(pairs.group), dtype=h5py.string_dtype())
     write_atomically(path, memory.getvalue())
 
@@ -85,8 +89,28 @@ def read_pairs(path: Path, split: str) -> Pairs:
     Raises:
         FileNotFoundError: There is no such file.
         ValueError: It is not a pair file of this schema, a shape does not fit, a coordinate is
-            not finite, or a pose is not rigid; one sentence with the file.
+            not finite, a pose is not rigid, or a normal has no unit length; one sentence with the
+            file.
     """
+    with _opened(path, f"a split {split!r}") as file:
+        return _checked(file[split], f"{path} {split}")
+
+
+def read_attributes(path: Path) -> dict[str, Any]:
+    """What a pair file says of itself: the attributes that ``write_pairs`` was given, and ``schema``.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: It is not a pair file of this schema; one sentence with the file.
+    """
+    with _opened(path, "a provenance") as file:
+        attributes = {name: file.attrs[name] for name in ("scenario", "unit", "seed", "schema")}
+        return attributes | {"provenance": json.loads(file.attrs["provenance"])}
+
+
+@contextmanager
+def _opened(path: Path, wanted: str) -> Iterator[h5py.File]:
+    """Open a pair file of this schema to read what is ``wanted`` of it."""
     if not path.is_file():
         raise FileNotFoundError(f"a pair file is needed at {path}, there is none: run preprocess")
     try:
@@ -94,9 +118,9 @@ def read_pairs(path: Path, split: str) -> Pairs:
             schema = file.attrs.get("schema")
             if schema != PAIR_SCHEMA:
                 raise ValueError(f"{path} needs schema {PAIR_SCHEMA}, has {schema}")
-            return _checked(file[split], f"{path} {split}")
-    except (KeyError, OSError) as error:
-        raise ValueError(f"{path} is not a pair file with a split {split!r}: {error}") from error
+            yield file
+    except (KeyError, OSError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path} is not a pair file with {wanted}: {error}") from error
 
 
 def _checked(group: h5py.Group, where: str) -> Pairs:
@@ -126,7 +150,32 @@ def _checked(group: h5py.Group, where: str) -> Pairs:
         torch.from_numpy(poses.astype(np.float64)),
         torch.from_numpy(item.astype(np.int64)),
         tuple(name.decode() for name in names),
+        *_normals(group, {"source": source, "target": target}, where),
     )
+
+
+def _normals(
+    group: h5py.Group, clouds: Mapping[str, np.ndarray[Any, Any]], where: str
+) -> list[Tensor]:
+    """The normals of both clouds; nothing where there are none."""
+    found = [name for name in NORMALS if name in group]
+    if len(found) == 1:
+        raise ValueError(f"{where} needs normals of both clouds or of neither, has {found[0]}")
+    return [
+        _unit(_array(group, f"{name}_normals", "f", where), points, f"{where} {name}_normals")
+        for name, points in clouds.items()
+        if found
+    ]
+
+
+def _unit(normals: np.ndarray[Any, Any], points: np.ndarray[Any, Any], where: str) -> Tensor:
+    if normals.shape != points.shape:
+        raise ValueError(f"{where} needs one a point {points.shape}, has {normals.shape}")
+    good = np.abs(np.linalg.norm(normals, axis=-1) - 1) <= NORMAL_TOLERANCE  # NaN is not
+    if not good.all():
+        bad = int(np.argmin(good.all(axis=1)))
+        raise ValueError(f"{where} needs finite vectors of unit length, pair {bad} has another")
+    return torch.from_numpy(normals.astype(np.float32))
 
 
 def _array(group: h5py.Group, name: str, kinds: str, where: str) -> np.ndarray[Any, Any]:
@@ -148,20 +197,6 @@ def _check_rigid(poses: np.ndarray[Any, Any], where: str) -> None:
     bad = (off > RIGID_TOLERANCE) | (bottom > 0) | (np.linalg.det(R) < 0)
     if bad.any():
         raise ValueError(f"{where} needs rigid poses, pair {int(np.argmax(bad))} has another")
-
-
-def read_provenance(path: Path) -> dict[str, Any]:
-    """What a pair file says of its own making.
-
-    Raises:
-        ValueError: It is not a pair file.
-    """
-    try:
-        with h5py.File(path) as file:
-            provenance: dict[str, Any] = json.loads(file.attrs["provenance"])
-            return provenance
-    except (KeyError, OSError, ValueError) as error:
-        raise ValueError(f"{path} is not a pair file with a provenance: {error}") from error
 
 
 # Weights and curves.

@@ -1,16 +1,14 @@
 """Read what stands behind the numbers: how a method was trained, and on which data."""
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from jaxtyping import Float64
 
+from pipeline.artifacts import read_attributes, read_pairs
 from pipeline.result_files import read_csv
 
 
@@ -82,23 +80,23 @@ class PairFacts:
 
 
 def read_pair_facts(folder: Path, scenario: str) -> PairFacts:
-    """Read the root attributes of ``<scenario>.h5``.
+    """Read what ``<scenario>.h5`` says about itself.
 
     Raises:
         FileNotFoundError: There is no such file.
         ValueError: It is not a pair file.
     """
-    with open_pairs(folder, scenario) as file:
-        provenance = json.loads(file.attrs["provenance"])
-        return PairFacts(
-            scenario=scenario,
-            source=str(provenance.get("source", "unknown")),
-            unit=str(file.attrs["unit"]),
-            seed=int(file.attrs["seed"]),
-            schema=int(file.attrs["schema"]),
-            test_pairs=len(file["test/source"]),
-            provenance=provenance,
-        )
+    path = folder / f"{scenario}.h5"
+    attributes = read_attributes(path)
+    return PairFacts(
+        scenario=scenario,
+        source=str(attributes["provenance"].get("source", "unknown")),
+        unit=str(attributes["unit"]),
+        seed=int(attributes["seed"]),
+        schema=int(attributes["schema"]),
+        test_pairs=len(read_pairs(path, "test")),
+        provenance=attributes["provenance"],
+    )
 
 
 def read_test_pair(
@@ -110,22 +108,8 @@ def read_test_pair(
         FileNotFoundError: There is no such file.
         ValueError: It is not a pair file, or has no such pair.
     """
-    with open_pairs(folder, scenario) as file:
-        count = len(file["test/source"])
-        if not 0 <= pair < count:
-            raise ValueError(f"{file.filename} needs a test pair {pair}, it has {count}")
-        source, target = file["test/source"][pair], file["test/target"][pair]
-        return np.asarray(source, np.float64), np.asarray(target, np.float64)
-
-
-@contextmanager
-def open_pairs(folder: Path, scenario: str) -> Iterator[h5py.File]:
-    """Open ``<scenario>.h5`` to read, and say in one sentence what is wrong with it."""
     path = folder / f"{scenario}.h5"
-    if not path.exists():
-        raise FileNotFoundError(f"{path} is needed to say what the results stand on, found none")
-    try:
-        with h5py.File(path, "r") as file:
-            yield file
-    except (OSError, KeyError, json.JSONDecodeError) as error:
-        raise ValueError(f"{path} needs to be a pair file, got {error}") from None
+    test = read_pairs(path, "test")
+    if not 0 <= pair < len(test):
+        raise ValueError(f"{path} needs a test pair {pair}, it has {len(test)}")
+    return test.source[pair].double().numpy(), test.target[pair].double().numpy()

@@ -41,7 +41,8 @@ def preprocess(name: str, scenario: Scenario, family: str, raw: Path, *, seed: i
 
     Raises:
         FileNotFoundError: The raw data set is not there, or a file of it is gone.
-        ValueError: A raw file is malformed, or too small for the scenario.
+        ValueError: A raw file is malformed, too small for the scenario, or lacks normals that the
+            scenario wants given.
     """
     items = READERS[family](read_manifest(raw, base=project_root()))
     chosen = split_items(items, Split(**scenario.split.model_dump()))
@@ -53,14 +54,18 @@ def preprocess(name: str, scenario: Scenario, family: str, raw: Path, *, seed: i
         scenario.jitter_deviation,
         scenario.jitter_clip,
         scenario.keep,
+        scenario.normals,
     )
     counts = scenario.pairs.model_dump()
-    splits = {
-        split: make_pairs(
-            items, index, counts[split], corruption, [stream(seed, f"{name}/{split}")], bar
-        )
-        for split, index in chosen.items()
-    }
+    try:
+        splits = {
+            split: make_pairs(
+                items, index, counts[split], corruption, [stream(seed, f"{name}/{split}")], bar
+            )
+            for split, index in chosen.items()
+        }
+    except ValueError as error:
+        raise ValueError(f"{scenario.dataset}: {error}") from error
     source, sha256 = read_source(raw)
     provenance = {
         "dataset": scenario.dataset,

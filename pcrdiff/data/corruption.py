@@ -4,10 +4,11 @@ import numpy as np
 import torch
 from jaxtyping import Float64
 
-from pcrdiff.geometry.rigid import from_parts
+from pcrdiff.geometry.rigid import from_parts, transform
 from pcrdiff.geometry.rotation import matrix_from_euler
 
-Cloud = Float64[np.ndarray, "points 3"]
+Cloud = Float64[np.ndarray, "points channels"]
+"""Points in three channels; where the data set gives unit normals, these in three more."""
 
 
 def draw_pose(
@@ -29,14 +30,17 @@ def draw_pose(
 def jitter(
     points: Cloud, deviation: float, clip: float, *, generator: np.random.Generator
 ) -> Cloud:
-    """Add normal noise to every coordinate, clipped at ``clip``; lengths in the cloud's unit."""
-    noise = generator.normal(0.0, deviation, points.shape)
-    return points + np.clip(noise, -clip, clip)
+    """Add normal noise to every coordinate, clipped at ``clip``; lengths in the cloud's unit.
+
+    Normals stay as they are: given ones are those of the clean surface.
+    """
+    noise = generator.normal(0.0, deviation, (len(points), 3))
+    return np.hstack([points[:, :3] + np.clip(noise, -clip, clip), points[:, 3:]])
 
 
 def crop(
     points: Cloud, keep: float, *, generator: np.random.Generator
-) -> Float64[np.ndarray, "kept 3"]:
+) -> Float64[np.ndarray, "kept channels"]:
     """Keep the share ``keep`` of the points that lies furthest along a random direction.
 
     The half-space crop of Yew & Lee (2020); ``ceil(keep * points)`` points remain.
@@ -47,7 +51,7 @@ def crop(
     if not 0 < keep <= 1:
         raise ValueError(f"crop needs keep in (0, 1], got {keep}")
     direction = generator.normal(size=3)
-    order = np.argsort(points @ direction, kind="stable")
+    order = np.argsort(points[:, :3] @ direction, kind="stable")
     count = int(np.ceil(keep * len(points) - 1e-9))  # 0.55 * 100 is a little above 55
     kept = np.sort(order[len(points) - count :])
     return points[kept]
@@ -64,8 +68,21 @@ def unit_sphere(points: Cloud) -> tuple[Float64[np.ndarray, "3"], float]:
     Raises:
         ValueError: All points are one.
     """
-    centre = points.mean(axis=0)
-    scale = float(np.linalg.norm(points - centre, axis=-1).max())
+    centre = points[:, :3].mean(axis=0)
+    scale = float(np.linalg.norm(points[:, :3] - centre, axis=-1).max())
     if scale == 0:
         raise ValueError(f"unit_sphere needs a cloud with extent, got {len(points)} equal points")
     return centre, scale
+
+
+def rescale(points: Cloud, centre: Float64[np.ndarray, "3"], scale: float) -> Cloud:
+    """Make ``centre`` the origin and ``scale`` the unit of length."""
+    return np.hstack([(points[:, :3] - centre) / scale, points[:, 3:]])
+
+
+def move(points: Cloud, T_target_source: Float64[np.ndarray, "4 4"]) -> Cloud:
+    """Carry points into the target frame (Eq. 3: Q = G P); normals are turned alone."""
+    pose, rotation = torch.from_numpy(T_target_source), T_target_source[:3, :3]
+    moved: Cloud = transform(pose, torch.from_numpy(points[:, :3])).numpy()
+    has_normals = points.shape[1] == 6
+    return np.hstack([moved, points[:, 3:] @ rotation.T]) if has_normals else moved

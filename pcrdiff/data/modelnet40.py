@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int64
 
 from pcrdiff.data.off import read_off
-from pcrdiff.data.raw import Cloud, RawItem, check_cloud
+from pcrdiff.data.raw import Cloud, Oriented, RawItem, check_cloud
 
 CATEGORIES: tuple[str, ...] = (
     "airplane", "bathtub", "bed", "bench", "bookshelf", "bottle", "bowl", "car", "chair", "cone",
@@ -35,9 +35,10 @@ def read_items(root: Path) -> list[RawItem]:
 
     - the original meshes, ``<category>/{train,test}/<name>.off``: read as a ``Mesh`` in the
       file's own length unit, z up;
-    - ``modelnet40_ply_hdf5_2048``: clouds in the unit sphere, in the file's own axes;
-    - ``modelnet40_normal_resampled``: clouds in the unit sphere, without their normals, turned from its
-      y up into the frame of the meshes.
+    - ``modelnet40_ply_hdf5_2048``: clouds in the unit sphere, in the file's own axes, with
+      normals where the file has ``normal``;
+    - ``modelnet40_normal_resampled``: clouds in the unit sphere, with normals, turned from its y up
+      into the frame of the meshes.
 
     Args:
         root: The data set's folder.
@@ -148,14 +149,14 @@ def _read_labels(path: Path, num_names: int) -> Int64[np.ndarray, " shapes"]:
     return labels
 
 
-def _read_hdf5_cloud(path: Path, index: int) -> Cloud:
+def _read_hdf5_cloud(path: Path, index: int) -> Cloud | Oriented:
     clouds, _ = _read_hdf5(path)
     return check_cloud(clouds[index], f"{path}, shape {index},")
 
 
 def _read_hdf5(
     path: Path,
-) -> tuple[Float[np.ndarray, "shapes points 3"], Int64[np.ndarray, " shapes"]]:
+) -> tuple[Float[np.ndarray, "shapes points channels"], Int64[np.ndarray, " shapes"]]:
     if not path.is_file():
         raise FileNotFoundError(f"ModelNet40 needs {path}, which its list names and is missing")
     return _load_hdf5(path, path.stat().st_mtime_ns)
@@ -164,11 +165,12 @@ def _read_hdf5(
 @lru_cache(maxsize=2)  # shapes are read one by one, in order: a file of 50 MB is loaded once
 def _load_hdf5(
     path: Path, modified: int
-) -> tuple[Float[np.ndarray, "shapes points 3"], Int64[np.ndarray, " shapes"]]:
+) -> tuple[Float[np.ndarray, "shapes points channels"], Int64[np.ndarray, " shapes"]]:
     del modified  # part of the key only: a file that changed is read again
     try:
         with h5py.File(path) as file:
             data, label = np.asarray(file["data"]), np.asarray(file["label"])
+            normal = np.asarray(file["normal"]) if "normal" in file else None
     except (OSError, KeyError) as error:
         raise ValueError(f"{path} needs to be HDF5 with `data` and `label`, got {error}") from error
     if data.ndim != 3 or data.shape[2] != 3 or data.dtype.kind != "f":
@@ -179,7 +181,12 @@ def _load_hdf5(
         raise ValueError(
             f"{path} needs `label` as {len(data)} integers, got {label.dtype} {label.shape}"
         )
-    return data, label.reshape(-1).astype(np.int64)
+    if normal is not None and (normal.shape != data.shape or normal.dtype.kind != "f"):
+        raise ValueError(
+            f"{path} needs `normal` as floats {data.shape}, got {normal.dtype} {normal.shape}"
+        )
+    clouds = data if normal is None else np.concatenate([data, normal], axis=2)
+    return clouds, label.reshape(-1).astype(np.int64)
 
 
 # modelnet40_normal_resampled.
@@ -204,21 +211,22 @@ def _list_resampled(folder: Path) -> list[RawItem]:
     return items
 
 
-def _read_resampled(path: Path) -> Cloud:
+def _read_resampled(path: Path) -> Cloud | Oriented:
     try:
-        points = np.loadtxt(path, delimiter=",", usecols=(0, 1, 2), ndmin=2)
+        points = np.loadtxt(path, delimiter=",", ndmin=2)
     except ValueError as error:
         raise ValueError(f"{path} needs lines `x,y,z,nx,ny,nz`, got: {error}") from error
     return _turn_upright(check_cloud(points, str(path)))
 
 
-def _turn_upright(points: Cloud) -> Cloud:
+def _turn_upright(points: Cloud | Oriented) -> Cloud | Oriented:
     """Turn y up into z up, by half a turn about the bisector of the two axes.
 
     This, and not a quarter turn about x, lays the chairs, beds and toilets on those of the other
     layouts: there they face the other way.
     """
-    return np.stack([-points[:, 0], points[:, 2], points[:, 1]], axis=1)
+    x, y, z = np.moveaxis(points.reshape(len(points), -1, 3), 2, 0)  # of points, and of normals
+    return np.stack([-x, z, y], axis=2).reshape(points.shape)
 
 
 LAYOUTS: tuple[tuple[Callable[[Path], object], Callable[[Path], list[RawItem]]], ...] = (

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64
 
-from pcrdiff.data.raw import Cloud, check_cloud
+from pcrdiff.data.raw import Cloud, Oriented, check_cloud
 
 NUMBERS = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
@@ -32,9 +32,15 @@ class Header:
     size: int
     """Bytes until the first point."""
 
+    @property
+    def columns(self) -> list[str]:
+        """The properties that are read: x, y, z, and the normal where there is one."""
+        names, normal = [name for name, _ in self.properties], ["nx", "ny", "nz"]
+        return [*"xyz", *(normal if set(normal) <= set(names) else [])]
 
-def read_ply(path: Path) -> Cloud:
-    """Read the x, y, z of a file's vertices, in its own frame and length unit.
+
+def read_ply(path: Path) -> Cloud | Oriented:
+    """Read the x, y, z of a file's vertices, in its own frame and length unit, and their normals.
 
     Raises:
         FileNotFoundError: No such file.
@@ -80,20 +86,21 @@ def _parse_header(lines: list[list[str]], size: int, path: Path) -> Header:
     return Header(formats[0], int(vertex[-1]), named, size)
 
 
-def _read_binary(path: Path, header: Header) -> Float64[np.ndarray, "points 3"]:
+def _read_binary(path: Path, header: Header) -> Float64[np.ndarray, "points channels"]:
     order = FORMATS[header.format]
     layout = np.dtype([(name, order + number) for name, number in header.properties])
     vertices = np.fromfile(path, dtype=layout, count=header.count, offset=header.size)
-    return np.stack([vertices[axis].astype(np.float64) for axis in "xyz"], axis=1)
+    return np.stack([vertices[name].astype(np.float64) for name in header.columns], axis=1)
 
 
-def _read_text(path: Path, header: Header) -> Float64[np.ndarray, "points 3"]:
+def _read_text(path: Path, header: Header) -> Float64[np.ndarray, "points channels"]:
     lines = path.read_bytes()[header.size :].decode("ascii", errors="replace").splitlines()
     filled = [line for line in lines if line.strip()][: header.count]
     names = [name for name, _ in header.properties]
     if not filled:
         return np.zeros((0, 3))
     try:
-        return np.loadtxt(filled, usecols=[names.index(axis) for axis in "xyz"], ndmin=2)
+        columns = [names.index(name) for name in header.columns]
+        return np.loadtxt(filled, usecols=columns, ndmin=2)
     except ValueError as error:
         raise ValueError(f"{path} needs vertices as lines of numbers, got: {error}") from error

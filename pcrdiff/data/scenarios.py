@@ -8,11 +8,19 @@ import numpy as np
 import torch
 from jaxtyping import Float64
 
-from pcrdiff.data.corruption import crop, draw_pose, jitter, shuffle, unit_sphere
-from pcrdiff.data.raw import Cloud, Mesh, RawItem, sample_points
-from pcrdiff.geometry.rigid import transform
+from pcrdiff.data.corruption import (
+    Cloud,
+    crop,
+    draw_pose,
+    jitter,
+    move,
+    rescale,
+    shuffle,
+    unit_sphere,
+)
+from pcrdiff.data.raw import Mesh, RawItem, sample_oriented, sample_points
 from pcrdiff.progress import Progress, silent
-from pcrdiff.registration import SPLITS, Pairs
+from pcrdiff.registration import SPLITS, Normals, Pairs
 
 
 @dataclass(frozen=True)
@@ -46,6 +54,8 @@ class Corruption:
     jitter_clip: float
     keep: float
     """Share of each cloud that its own half-space crop leaves; 1 leaves all."""
+    normals: Normals
+    """``given`` keeps the data set's own, those of the clean surface; ``estimated`` none."""
 
 
 def split_items(items: Sequence[RawItem], split: Split) -> dict[str, list[int]]:
@@ -115,7 +125,7 @@ def _by_halves(items: Sequence[RawItem], chosen: Mapping[str, list[int]]) -> dic
 
 
 def make_pair(
-    surface: Mesh | Float64[np.ndarray, "surface 3"],
+    surface: Mesh | Float64[np.ndarray, "surface columns"],
     corruption: Corruption,
     *,
     generator: np.random.Generator,
@@ -123,21 +133,22 @@ def make_pair(
     """Source, target and the T_target_source that carries the one into the other's frame.
 
     The source stays in the item's own frame, scaled to the unit sphere; the target is moved
-    (Eq. 3: Q = G P).
+    (Eq. 3: Q = G P). Given normals are three more channels of both.
 
     Raises:
-        ValueError: The item has too few points or no extent.
+        ValueError: The item has too few points or no extent, or lacks normals that are to be given.
     """
-    source = sample_points(surface, corruption.num_points, generator=generator)
+    sample = sample_oriented if corruption.normals == "given" else sample_points
+    source = sample(surface, corruption.num_points, generator=generator)
     target = source
     if corruption.sampling == "independent":
-        target = sample_points(surface, corruption.num_points, generator=generator)
+        target = sample(surface, corruption.num_points, generator=generator)
     centre, scale = unit_sphere(source)
-    source, target = (source - centre) / scale, (target - centre) / scale
+    source, target = rescale(source, centre, scale), rescale(target, centre, scale)
     source = crop(source, corruption.keep, generator=generator)
     target = crop(target, corruption.keep, generator=generator)
     pose = draw_pose(corruption.max_rotation, corruption.max_translation, generator=generator)
-    target = transform(torch.from_numpy(pose), torch.from_numpy(target)).numpy()
+    target = move(target, pose)
     if corruption.jitter_deviation > 0:
         noise = corruption.jitter_deviation, corruption.jitter_clip
         source = jitter(source, *noise, generator=generator)
@@ -159,7 +170,8 @@ def make_pairs(
     seeded ``(*seed, k)``: it does not depend on which pairs were made before.
 
     Raises:
-        ValueError: An item cannot be read or is too small; the sentence names it.
+        ValueError: An item cannot be read, is too small, or lacks normals that are to be given;
+            the sentence names it.
     """
     order = np.random.default_rng(seed).permutation(index) if count is not None else list(index)
     shown = [int(order[k % len(order)]) for k in range(len(order) if count is None else count)]
@@ -170,11 +182,10 @@ def make_pairs(
             made.append(make_pair(items[i].read(), corruption, generator=generator))
         except ValueError as error:
             raise ValueError(f"no pair of {items[i].name}: {error}") from error
-    sources, targets, poses = zip(*made, strict=True)
+    sources, targets, poses = (torch.from_numpy(np.stack(part)) for part in zip(*made, strict=True))
+    source, *source_normals = torch.split(sources.float(), 3, dim=-1)  # none where none are given
+    target, *target_normals = torch.split(targets.float(), 3, dim=-1)
+    group = tuple(items[i].group for i in shown)
     return Pairs(
-        torch.from_numpy(np.stack(sources)).float(),
-        torch.from_numpy(np.stack(targets)).float(),
-        torch.from_numpy(np.stack(poses)),
-        torch.tensor(shown),
-        tuple(items[i].group for i in shown),
+        source, target, poses, torch.tensor(shown), group, *source_normals, *target_normals
     )

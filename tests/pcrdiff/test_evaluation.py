@@ -1,6 +1,7 @@
 """Evaluation: every pair by itself, and every failure counted."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -101,3 +102,30 @@ def test_progress_is_told_of_every_pair() -> None:
 
     evaluate(Guess(), five_pairs(), seed=1, progress=watch)
     assert told == [([0, 1, 2, 3, 4], "guess")]
+
+
+class Watching(Guess):
+    """Remembers how many channels its clouds had."""
+
+    def __init__(self, normals: str) -> None:
+        super().__init__()
+        self.normals, self.channels = normals, set[int]()
+
+    def register(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
+        """As :class:`pcrdiff.registration.Method` asks."""
+        self.channels |= {source.shape[-1], target.shape[-1]}
+        return super().register(source, target, generator=generator)
+
+
+@pytest.mark.parametrize(("normals", "channels"), [("given", 6), ("estimated", 3)])
+def test_a_method_is_shown_the_normals_that_it_wants(normals: str, channels: int) -> None:
+    pairs = five_pairs()
+    pairs = replace(pairs, source_normals=pairs.source, target_normals=pairs.target)
+    method = Watching(normals)
+    assert evaluate(method, pairs, seed=1).failures == ("",) * 5
+    assert method.channels == {channels}
+
+
+def test_pairs_without_the_normals_a_method_wants_are_refused_and_no_failure_of_its() -> None:
+    with pytest.raises(ValueError, match="the pairs hold no normals"):
+        evaluate(Watching("given"), five_pairs(), seed=1)

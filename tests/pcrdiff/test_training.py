@@ -167,6 +167,47 @@ def test_a_new_pose_keeps_a_pair_of_copies_consistent() -> None:
     assert (moved.T_target_source[:, :3, 3] <= 0.5).all()
 
 
+def test_a_new_pose_turns_the_normals_of_the_target_with_it() -> None:
+    pairs = made_up_pairs(6, 16, generator=seeded(0))
+    outward = nn.functional.normalize(pairs.source, dim=-1)
+    still = torch.eye(4, dtype=torch.float64).repeat(6, 1, 1)
+    pairs = replace(
+        pairs,
+        target=pairs.source,
+        T_target_source=still,
+        source_normals=outward,
+        target_normals=outward,
+    )
+    moved = repose(pairs, FRESH, [np.random.default_rng(k) for k in range(6)])
+    again = repose(moved, FRESH, [np.random.default_rng(k) for k in range(6, 12)])
+    for new in (moved, again):
+        assert new.source_normals is outward
+        assert new.target_normals is not None
+        t = new.T_target_source[:, None, :3, 3]
+        directions = nn.functional.normalize(new.target.double() - t, dim=-1)
+        torch.testing.assert_close(new.target_normals.double(), directions, atol=1e-6, rtol=0)
+
+
+def test_a_method_with_given_normals_is_validated_with_them() -> None:
+    shown: set[int] = set()
+
+    class Oriented(Tiny):
+        normals = "given"
+
+        def register(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
+            """As :class:`pcrdiff.registration.Method` asks."""
+            shown.update({source.shape[-1], target.shape[-1]})
+            return super().register(source[..., :3], target[..., :3], generator=generator)
+
+    plain = make_trainer()
+    val = replace(plain.val, source_normals=plain.val.source, target_normals=plain.val.target)
+    method = Oriented()
+    Trainer(method, plain.train, val, BUDGET, FRESH, seed=3).run_epoch(0)
+    assert shown == {6}
+    with pytest.raises(ValueError, match="the pairs hold no normals"):
+        Trainer(method, plain.train, plain.val, BUDGET, FRESH, seed=3).run_epoch(0)
+
+
 def test_the_weights_that_are_kept_are_those_of_the_lowest_validation_error() -> None:
     class Watched(Trainer):
         """Is told its validation errors, and remembers its weights."""

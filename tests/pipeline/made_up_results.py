@@ -4,10 +4,12 @@ import csv
 import json
 from pathlib import Path
 
-import h5py
 import numpy as np
+import torch
 from scipy.spatial.transform import Rotation
 
+from pcrdiff.registration import SPLITS, Pairs
+from pipeline import artifacts
 from pipeline.paper import UNSEEN_OBJECTS
 from pipeline.result_files import COLUMNS, EULER, POSE, SHIFT
 
@@ -136,19 +138,27 @@ def write_training(folder: Path, method: str, generator: np.random.Generator) ->
 def write_pairs(
     folder: Path, scenario: str, poses: np.ndarray, generator: np.random.Generator
 ) -> None:
-    """Write a pair file with a test group only: it is all the report reads."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write a pair file whose splits are all the test split: it is all the report reads."""
     source = np.stack([cloud(scenario, 1024, generator) for _ in range(len(poses))]).astype(
         np.float32
     )
     target = source @ poses[:, :3, :3].transpose(0, 2, 1) + poses[:, None, :3, 3]
-    with h5py.File(folder / f"{scenario}.h5", "w") as file:
-        file["test/source"], file["test/target"] = source, target.astype(np.float32)
-        file["test/T_target_source"] = poses
-        unit = "unit sphere" if scenario.startswith("modelnet40") else "m"
-        file.attrs.update({"scenario": scenario, "unit": unit, "seed": 7, "schema": 1})
-        provenance = {"source": "synthetic", "root": "/somewhere/raw", "max_rotation_deg": 45.0}
-        file.attrs["provenance"] = json.dumps(provenance)
+    group = tuple(GROUPS[pair % len(GROUPS)] for pair in range(len(poses)))
+    pairs = Pairs(
+        torch.from_numpy(source),
+        torch.from_numpy(target.astype(np.float32)),
+        torch.from_numpy(poses),
+        torch.arange(len(poses)),
+        group,
+    )
+    attributes = {
+        "scenario": scenario,
+        "unit": "unit sphere" if scenario.startswith("modelnet40") else "m",
+        "seed": 7,
+        "provenance": {"source": "synthetic", "root": "/somewhere/raw", "max_rotation_deg": 45.0},
+    }
+    splits = dict.fromkeys(SPLITS, pairs)
+    artifacts.write_pairs(folder / f"{scenario}.h5", splits, "category", attributes)
 
 
 def cloud(scenario: str, count: int, generator: np.random.Generator) -> np.ndarray:

@@ -3,6 +3,7 @@
 import csv
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +12,15 @@ import numpy as np
 import pytest
 import torch
 from safetensors.torch import save_file
+from torch import nn
 
 from pcrdiff.evaluation import Estimates
 from pcrdiff.registration import SPLITS, Pairs
 from pcrdiff.training import Epoch
 from pipeline.artifacts import (
     ANSWER,
+    read_attributes,
     read_pairs,
-    read_provenance,
     read_weights,
     write_ablation,
     write_atomically,
@@ -172,17 +174,94 @@ def test_a_pair_file_has_the_published_layout(tmp_path: Path) -> None:
 
 def test_says_how_a_pair_file_was_made(tmp_path: Path) -> None:
     write_made_up(tmp_path / "pairs.h5")
-    assert read_provenance(tmp_path / "pairs.h5") == {"a": 2, "b": 1}
+    assert read_attributes(tmp_path / "pairs.h5") == ATTRIBUTES | {"schema": 1}
 
 
-@pytest.mark.parametrize("content", [None, b"", b"text"])
-def test_refuses_the_provenance_of_what_is_no_pair_file(
-    tmp_path: Path, content: bytes | None
-) -> None:
-    if content is not None:
-        (tmp_path / "pairs.h5").write_bytes(content)
+@pytest.mark.parametrize("content", [b"", b"text"])
+def test_refuses_the_attributes_of_what_is_no_pair_file(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "pairs.h5").write_bytes(content)
     with pytest.raises(ValueError, match=r"pairs\.h5 is not a pair file with a provenance"):
-        read_provenance(tmp_path / "pairs.h5")
+        read_attributes(tmp_path / "pairs.h5")
+
+
+def test_refuses_the_attributes_of_a_pair_file_that_lost_some(tmp_path: Path) -> None:
+    path = tmp_path / "pairs.h5"
+    write_made_up(path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["provenance"] = "no JSON"
+    with pytest.raises(ValueError, match=r"pairs\.h5 is not a pair file with a provenance"):
+        read_attributes(path)
+    with h5py.File(path, "r+") as file:
+        del file.attrs["unit"]
+    with pytest.raises(ValueError, match=r"pairs\.h5 is not a pair file .*unit"):
+        read_attributes(path)
+    with pytest.raises(FileNotFoundError, match=r"gone\.h5, there is none: run preprocess"):
+        read_attributes(tmp_path / "gone.h5")
+
+
+def with_normals(pairs: Pairs) -> Pairs:
+    source, target = (nn.functional.normalize(c, dim=-1) for c in (pairs.source, pairs.target))
+    return replace(pairs, source_normals=source, target_normals=target)
+
+
+def write_with_normals(path: Path) -> dict[str, Pairs]:
+    splits = {
+        name: with_normals(made_up_pairs(count))
+        for name, count in zip(SPLITS, (3, 1, 2), strict=True)
+    }
+    write_pairs(path, splits, "category", ATTRIBUTES)
+    return splits
+
+
+def test_normals_come_back_where_there_are_any(tmp_path: Path) -> None:
+    splits = write_with_normals(tmp_path / "pairs.h5")
+    for name in SPLITS:
+        read = read_pairs(tmp_path / "pairs.h5", name)
+        for field in ("source", "target", "source_normals", "target_normals"):
+            assert torch.equal(getattr(read, field), getattr(splits[name], field))
+    with h5py.File(tmp_path / "pairs.h5") as file:
+        assert file["test/source_normals"].dtype.str == "<f4"
+    write_made_up(tmp_path / "plain.h5")
+    plain = read_pairs(tmp_path / "plain.h5", "test")
+    assert plain.source_normals is plain.target_normals is None
+
+
+def without_target_normals(file: h5py.File) -> None:
+    del file["test"]["target_normals"]
+
+
+def put_into_normals(name: str, value: float) -> Callable[[h5py.File], None]:
+    def change(file: h5py.File) -> None:
+        file["test"][name][1, 2] = value
+
+    return change
+
+
+def with_fewer_normals(file: h5py.File) -> None:
+    replaced(file["test"], "source_normals", file["test"]["source_normals"][:, :4])
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (without_target_normals, "needs normals of both clouds or of neither, has source_normals"),
+        (with_fewer_normals, "source_normals needs one a point (2, 5, 3), has (2, 4, 3)"),
+        (put_into_normals("target_normals", 0.0), "target_normals needs finite vectors of unit"),
+        (put_into_normals("source_normals", np.nan), "unit length, pair 1 has another"),
+        (put_into_normals("source_normals", 0.6), "unit length, pair 1 has another"),
+    ],
+)
+def test_refuses_normals_that_are_none(
+    tmp_path: Path, change: Callable[[h5py.File], None], expected: str
+) -> None:
+    path = tmp_path / "pairs.h5"
+    write_with_normals(path)
+    with h5py.File(path, "r+") as file:
+        change(file)
+    with pytest.raises(ValueError, match=r"pairs\.h5 test") as refused:
+        read_pairs(path, "test")
+    assert expected in str(refused.value)
+    assert "\n" not in str(refused.value)
 
 
 def replaced(group: h5py.Group, name: str, value: Any) -> None:  # noqa: ANN401  what h5py takes

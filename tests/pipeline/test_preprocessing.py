@@ -76,6 +76,20 @@ def test_the_angles_of_the_scenario_are_degrees() -> None:
 
 
 @pytest.mark.usefixtures("project")
+def test_normals_are_those_of_the_boxes_where_the_scenario_gives_them_and_change_no_point() -> None:
+    plain, given = made(), made(normals="given")
+    for split, pairs in given.splits.items():
+        assert plain.splits[split].source_normals is plain.splits[split].target_normals is None
+        assert pairs.source_normals is not None
+        assert pairs.target_normals is not None
+        torch.testing.assert_close(pairs.source, plain.splits[split].source)
+        torch.testing.assert_close(pairs.target, plain.splits[split].target)
+        assert pairs.source_normals.abs().amax(dim=-1).min() > 1 - 1e-6  # boxes lie along the axes
+        turned_back = pairs.target_normals.double() @ pairs.T_target_source[:, :3, :3]
+        assert turned_back.abs().amax(dim=-1).min() > 1 - 1e-6
+
+
+@pytest.mark.usefixtures("project")
 def test_counts_repeat_or_leave_out_items() -> None:
     splits = made(pairs={"train": 13, "val": 2, "test": None}).splits
     assert [len(splits[name]) for name in ("train", "val", "test")] == [13, 2, 3]
@@ -105,6 +119,20 @@ def test_what_the_project_made_itself_has_its_own_licence(blank: Path) -> None:
     record: Any = made_up.attributes["provenance"]
     assert (record["source"], record["licence"]) == ("synthetic", SYNTHETIC_LICENCE)
     assert (made_up.label, made_up.splits["train"].group) == ("scene", ("00",))
+
+
+def test_given_normals_of_a_data_set_that_has_none_are_refused_by_its_name(blank: Path) -> None:
+    params = tiny_params()
+    params["acquire"]["kitti"]["synthetic"]["scans_per_sequence"] = 3
+    write_params(params)
+    run_instance(instance("acquire@kitti"))
+    split = {"by": "item", "val_fraction": 0.34, "test_fraction": 0.34, "categories": "all"}
+    split |= {"val_groups": [], "test_groups": []}
+    kitti = scenario(dataset="kitti", split=split, normals="given")
+    with pytest.raises(
+        ValueError, match=r"kitti: no pair of 00/\d+: .* normals, this one has none"
+    ):
+        preprocess("kitti", kitti, "kitti", blank / "data/raw/kitti", seed=7)
 
 
 def test_every_family_of_params_has_a_reader_and_a_licence(repository: Path) -> None:

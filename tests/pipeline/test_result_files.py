@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.artifacts import ANSWER
+from pipeline.artifacts import ANSWER, read_pairs
 from pipeline.background import read_pair_facts, read_test_pair, read_trainings
 from pipeline.result_files import COLUMNS, read_results
 from tests.pipeline.made_up_results import plain_row, write_everything, write_rows
@@ -102,8 +102,21 @@ def test_says_which_pair_file_is_missing_or_broken(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"kitti\.h5"):
         read_pair_facts(tmp_path, "kitti")
     (tmp_path / "kitti.h5").write_bytes(b"not HDF5")
-    with pytest.raises(ValueError, match=r"kitti\.h5 needs to be a pair file"):
+    with pytest.raises(ValueError, match=r"kitti\.h5 is not a pair file"):
         read_pair_facts(tmp_path, "kitti")
+
+
+def test_a_pair_file_tells_what_it_is_and_shows_a_pair_of_its_test_split(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("kitti",), 3)
+    facts = read_pair_facts(tmp_path / "pairs", "kitti")
+    assert (facts.scenario, facts.source, facts.unit) == ("kitti", "synthetic", "m")
+    assert (facts.seed, facts.schema, facts.test_pairs) == (7, 1, 3)
+    assert facts.provenance["max_rotation_deg"] == 45.0
+    test = read_pairs(tmp_path / "pairs" / "kitti.h5", "test")
+    source, target = read_test_pair(tmp_path / "pairs", "kitti", 2)
+    assert source.dtype == target.dtype == np.float64
+    np.testing.assert_array_equal(source, test.source[2].numpy())
+    np.testing.assert_array_equal(target, test.target[2].numpy())
 
 
 def test_refuses_a_pair_the_file_does_not_hold(tmp_path: Path) -> None:

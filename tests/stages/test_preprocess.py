@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pcrdiff.registration import SPLITS
-from pipeline.artifacts import read_pairs, read_provenance
+from pipeline.artifacts import read_attributes, read_pairs
 from tests.tiny import PAIRS, SCENARIO, files_below, instance, run_instance
 
 
@@ -15,7 +15,7 @@ def test_writes_a_pair_file_that_is_read(project: Path) -> None:
     run_instance(instance(f"preprocess@{SCENARIO}"))
     assert files_below(project / "data" / "pairs") == [PAIRS.name]
     assert [len(read_pairs(PAIRS, split)) for split in SPLITS] == [6, 3, 3]
-    assert read_provenance(PAIRS)["dataset"] == "modelnet40"
+    assert read_attributes(PAIRS)["provenance"]["dataset"] == "modelnet40"
 
 
 def test_writes_the_same_bytes_twice(project: Path) -> None:

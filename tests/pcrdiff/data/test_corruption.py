@@ -9,7 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pcrdiff.data.corruption import Cloud, crop, draw_pose, jitter, shuffle, unit_sphere
+from pcrdiff.data.corruption import (
+    Cloud,
+    crop,
+    draw_pose,
+    jitter,
+    move,
+    rescale,
+    shuffle,
+    unit_sphere,
+)
 
 
 def cloud(n: int = 50, seed: int = 0) -> Cloud:
@@ -117,3 +126,66 @@ def test_the_unit_sphere_is_reached_and_not_left() -> None:
 def test_refuses_a_cloud_without_extent() -> None:
     with pytest.raises(ValueError, match="needs a cloud with extent, got 4 equal points"):
         unit_sphere(np.full((4, 3), 2.0))
+
+
+def test_rescaling_by_the_unit_sphere_puts_the_cloud_into_it() -> None:
+    points = 5 + 3 * cloud()
+    scaled = rescale(points, *unit_sphere(points))
+    np.testing.assert_allclose(scaled.mean(axis=0), 0, atol=1e-12)
+    assert np.linalg.norm(scaled, axis=1).max() == pytest.approx(1)
+
+
+def test_moving_carries_points_as_worked_by_hand() -> None:
+    quarter_turn = np.array([[0.0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
+    moved = move(np.array([[1.0, 0, 0], [0, 1, 5]]), quarter_turn)
+    np.testing.assert_allclose(moved, [[1, 3, 3], [0, 2, 8]])
+
+
+# Normals that the data set gives.
+
+
+def sphere(n: int = 50) -> Cloud:
+    """Points on a ball about (1, 2, 3), and their normals, which point away from it."""
+    normals = cloud(n) / np.linalg.norm(cloud(n), axis=1, keepdims=True)
+    return np.hstack([[1.0, 2.0, 3.0] + 4 * normals, normals])
+
+
+def test_nothing_that_is_done_to_points_depends_on_normals() -> None:
+    oriented = sphere()
+    points = np.ascontiguousarray(oriented[:, :3])
+
+    def outcomes(points: Cloud) -> list[np.ndarray]:
+        g = np.random.default_rng(6)
+        pose = draw_pose(1.0, 1.0, generator=g)
+        return [
+            jitter(points, 0.1, 0.5, generator=g),
+            crop(points, 0.5, generator=g),
+            shuffle(points, generator=g),
+            rescale(points, *unit_sphere(points)),
+            move(points, pose),
+        ]
+
+    for with_normals, without in zip(outcomes(oriented), outcomes(points), strict=True):
+        assert with_normals.shape[1] == 6
+        np.testing.assert_allclose(with_normals[:, :3], without, atol=1e-14)
+
+
+def test_a_crop_and_a_shuffle_keep_normals_beside_their_points() -> None:
+    generator = np.random.default_rng(7)
+    for kept in (crop(sphere(), 0.6, generator=generator), shuffle(sphere(), generator=generator)):
+        np.testing.assert_allclose(kept[:, :3], [1.0, 2.0, 3.0] + 4 * kept[:, 3:])
+
+
+def test_jitter_and_scale_leave_normals_alone() -> None:
+    jittered = jitter(sphere(), 0.1, 0.5, generator=np.random.default_rng(8))
+    np.testing.assert_array_equal(jittered[:, 3:], sphere()[:, 3:])
+    scaled = rescale(sphere(), np.array([1.0, 2.0, 3.0]), 4.0)
+    np.testing.assert_array_equal(scaled[:, 3:], sphere()[:, 3:])
+    np.testing.assert_allclose(scaled[:, :3], scaled[:, 3:])  # now the unit ball
+
+
+def test_moving_turns_normals_and_does_not_shift_them() -> None:
+    pose = draw_pose(2.0, 1.0, generator=np.random.default_rng(9))
+    moved = move(sphere(), pose)
+    centre = pose[:3, :3] @ [1.0, 2.0, 3.0] + pose[:3, 3]
+    np.testing.assert_allclose(moved[:, :3], centre + 4 * moved[:, 3:], atol=1e-12)

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from pcrdiff.data import modelnet40
 from pcrdiff.data.modelnet40 import CATEGORIES, SYMMETRIC, read_items
-from pcrdiff.data.raw import Mesh, sample_points
+from pcrdiff.data.raw import Mesh, sample_oriented, sample_points
 
 TRIANGLE = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 0 1\n3 0 1 2\n"
 
@@ -105,11 +105,42 @@ def test_reads_resampled_clouds_with_z_up(tmp_path: Path) -> None:
         ("chair_0001", "chair", "train"),
         ("night_stand_0002", "night_stand", "test"),
     ]
-    np.testing.assert_array_equal(items[0].read(), [[-1, 3, 2], [-4, 6, 5]])
+    expected = [[-1, 3, 2, 0, 0, 1], [-4, 6, 5, 0, 0, 1]]  # normals that were along y are along z
+    np.testing.assert_array_equal(items[0].read(), expected)
 
 
-def test_turns_resampled_clouds_without_mirroring_them() -> None:
-    assert np.linalg.det(modelnet40._turn_upright(np.eye(3)).T) == 1
+def test_reads_resampled_clouds_that_lost_their_normals(tmp_path: Path) -> None:
+    write_resampled(tmp_path)
+    (tmp_path / "chair/chair_0001.txt").write_text("1,2,3\n4,5,6\n")
+    np.testing.assert_array_equal(read_items(tmp_path)[0].read(), [[-1, 3, 2], [-4, 6, 5]])
+
+
+def test_turns_resampled_clouds_and_their_normals_without_mirroring_them() -> None:
+    R = modelnet40._turn_upright(np.eye(3)).T
+    assert np.linalg.det(R) == 1
+    oriented = np.random.default_rng(0).normal(size=(5, 6))
+    turned = modelnet40._turn_upright(oriented)
+    np.testing.assert_array_equal(turned[:, :3], oriented[:, :3] @ R.T)
+    np.testing.assert_array_equal(turned[:, 3:], oriented[:, 3:] @ R.T)
+
+
+def test_reads_the_normals_of_an_hdf5_file_that_has_them(tmp_path: Path) -> None:
+    data = write_hdf5_layout(tmp_path)
+    normal = data[:, ::-1]
+    with h5py.File(tmp_path / "ply_data_train0.h5", "r+") as file:
+        file["normal"] = normal
+    items = read_items(tmp_path)
+    np.testing.assert_array_equal(items[1].read(), np.hstack([data[1], normal[1]]))
+    assert np.asarray(items[2].read()).shape == (5, 3)  # the test file has none
+
+
+@pytest.mark.parametrize("normal", [np.zeros((2, 4, 3)), np.zeros((2, 5, 3), dtype=int)])
+def test_refuses_normals_that_are_not_one_a_point(tmp_path: Path, normal: np.ndarray) -> None:
+    write_hdf5_layout(tmp_path)
+    with h5py.File(tmp_path / "ply_data_train0.h5", "r+") as file:
+        file["normal"] = normal
+    with pytest.raises(ValueError, match=r"ply_data_train0\.h5 needs `normal` as floats"):
+        read_items(tmp_path)
 
 
 def test_refuses_a_folder_that_is_missing_or_empty(tmp_path: Path) -> None:
@@ -194,7 +225,7 @@ def test_refuses_resampled_clouds_without_a_list_or_a_listed_file(tmp_path: Path
         read_items(tmp_path)
 
 
-@pytest.mark.parametrize("text", ["", "1,2\n", "a,b,c\n", "1,2,nan,0,0,0\n"])
+@pytest.mark.parametrize("text", ["", "1,2\n", "1,2,3,0\n", "a,b,c\n", "1,2,nan,0,0,0\n"])
 @pytest.mark.filterwarnings("ignore:loadtxt")
 def test_refuses_a_broken_resampled_cloud(tmp_path: Path, text: str) -> None:
     write_resampled(tmp_path)
@@ -259,3 +290,18 @@ def test_the_layouts_share_one_frame(real_data: Path, other: str, category: str)
         for R in turn_to_all_axes()
     ]
     assert int(np.argmin(distances)) == 0
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("folder", ["modelnet40_normal_resampled", "modelnet40_off"])
+def test_real_normals_lie_across_the_surface(real_data: Path, folder: str) -> None:
+    cosines = []
+    for item in read_items(real_data / folder)[::5]:
+        oriented = sample_oriented(item.read(), 2000, generator=np.random.default_rng(0))
+        points, normals = oriented[:, :3], oriented[:, 3:]
+        nearest = np.asarray(KDTree(points).query(points, 2)[1])[:, 1]
+        along = points[nearest] - points
+        apart = np.linalg.norm(along, axis=1)
+        cosine = np.abs((along * normals).sum(axis=1))[apart > 0] / apart[apart > 0]
+        cosines.append(np.median(cosine))
+    assert np.median(cosines) < 0.1  # where normals are turned wrongly or shuffled: 0.4

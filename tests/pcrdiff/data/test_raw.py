@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pcrdiff.data.raw import Mesh, check_cloud, check_rigid, sample_points
+from pcrdiff.data.raw import Mesh, check_cloud, check_rigid, sample_oriented, sample_points
 
 
 def make_pose(angle_deg: float = 40.0) -> np.ndarray:
@@ -20,7 +20,13 @@ def test_gives_a_finite_cloud_in_float64() -> None:
     assert points.shape == (4, 3)
 
 
-@pytest.mark.parametrize("shape", [(0, 3), (4, 2), (12,), (2, 4, 3)])
+def test_normals_of_a_cloud_are_kept_as_they_are() -> None:
+    points = np.arange(24.0, dtype=np.float32).reshape(4, 6)
+    points[2, 4] = np.nan  # a scenario without normals does not mind
+    np.testing.assert_array_equal(check_cloud(points, "a.ply"), points.astype(np.float64))
+
+
+@pytest.mark.parametrize("shape", [(0, 3), (0, 6), (4, 2), (4, 5), (12,), (2, 4, 3)])
 def test_refuses_what_is_no_cloud(shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match=r"a\.ply needs points as \[n, 3\]"):
         check_cloud(np.zeros(shape), "a.ply")
@@ -86,3 +92,56 @@ def test_refuses_too_few_points_and_a_mesh_without_area() -> None:
     flat = Mesh(vertices=np.zeros((3, 3)), faces=np.array([[0, 1, 2]]))
     with pytest.raises(ValueError, match="needs a mesh with area"):
         sample_points(flat, 5, generator=generator)
+
+
+def make_house() -> Mesh:
+    """A floor seen from below and two slanted roofs, one of its faces flat."""
+    corners = np.array([[0.0, 0, 0], [2, 0, 0], [2, 3, 0], [0, 3, 0], [1, 0, 1], [1, 3, 1]])
+    faces = [[0, 3, 1], [1, 3, 2], [0, 4, 3], [3, 4, 5], [1, 2, 4], [2, 5, 4], [0, 0, 1]]
+    return Mesh(corners, np.array(faces))
+
+
+def make_oriented_sphere(count: int = 50) -> np.ndarray:
+    normals = np.random.default_rng(1).normal(size=(count, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.hstack([5 + 2 * normals, normals])
+
+
+def test_points_of_a_mesh_have_the_normal_of_their_face() -> None:
+    oriented = sample_oriented(make_house(), 200, generator=np.random.default_rng(0))
+    slope = 0.5**0.5
+    for x, _, z, nx, ny, nz in oriented:
+        expected = [0, 0, -1] if z < 1e-12 else [-slope if x < 1 else slope, 0, slope]
+        np.testing.assert_allclose([nx, ny, nz], expected, atol=1e-12)
+
+
+def test_normals_stay_beside_their_points() -> None:
+    oriented = sample_oriented(make_oriented_sphere(), 30, generator=np.random.default_rng(0))
+    np.testing.assert_allclose(oriented[:, :3], 5 + 2 * oriented[:, 3:], atol=1e-12)
+
+
+def test_asking_for_normals_changes_no_point() -> None:
+    for surface in (make_house(), make_oriented_sphere()):
+        points = sample_points(surface, 30, generator=np.random.default_rng(3))
+        oriented = sample_oriented(surface, 30, generator=np.random.default_rng(3))
+        np.testing.assert_array_equal(oriented[:, :3], points)
+        assert points.shape == (30, 3)
+
+
+def test_normals_have_unit_length_whatever_the_file_rounded_or_filled_in() -> None:
+    rounded = make_oriented_sphere().round(3)
+    rounded[7, 3:] = 1.0
+    oriented = sample_oriented(rounded, 50, generator=np.random.default_rng(0))
+    np.testing.assert_allclose(np.linalg.norm(oriented[:, 3:], axis=1), 1, atol=1e-12)
+
+
+def test_refuses_to_give_normals_that_are_none() -> None:
+    generator = np.random.default_rng(0)
+    with pytest.raises(ValueError, match="needs a cloud with normals, this one has none"):
+        sample_oriented(np.zeros((10, 3)), 5, generator=generator)
+    for factor in (0.0, np.nan, np.inf):
+        cloud = make_oriented_sphere()
+        cloud[7, 3:] *= factor
+        with pytest.raises(ValueError, match="needs normals with a direction, got one of length"):
+            sample_oriented(cloud, 50, generator=generator)
+        assert len(sample_points(cloud, 50, generator=generator)) == 50

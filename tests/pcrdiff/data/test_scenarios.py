@@ -12,7 +12,7 @@ import torch
 from pcrdiff.data.raw import Cloud, Mesh, RawItem
 from pcrdiff.data.scenarios import Corruption, Split, make_pair, make_pairs, split_items
 from pcrdiff.geometry.rigid import invert, transform
-from pcrdiff.registration import SPLITS
+from pcrdiff.registration import SPLITS, Pairs
 
 PLAIN = Corruption(
     num_points=40,
@@ -22,6 +22,7 @@ PLAIN = Corruption(
     jitter_deviation=0.0,
     jitter_clip=0.05,
     keep=1.0,
+    normals="estimated",
 )
 OFFICIAL = Split("official", 0.1, 0.0, (), (), "all")
 
@@ -253,3 +254,67 @@ def test_refuses_an_item_that_is_too_small_or_unreadable_by_its_name() -> None:
     flat = RawItem("chair_8", "chair", None, lambda: np.ones((50, 3)))
     with pytest.raises(ValueError, match=r"no pair of chair_8: .* needs a cloud with extent"):
         make_pairs([flat], [0], None, PLAIN, [0])
+
+
+def ball(seed: int) -> Cloud:
+    """Points on a ball with their normals: the outward directions."""
+    normals = np.random.default_rng(seed).normal(size=(60, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.hstack([7 + 2 * normals, normals])
+
+
+def make_balls(corruption: Corruption) -> Pairs:
+    items = [RawItem(f"ball_{seed}", "ball", None, partial(ball, seed)) for seed in range(4)]
+    return make_pairs(items, range(4), None, corruption, [7])
+
+
+HARD = replace(PLAIN, sampling="independent", jitter_deviation=0.01, keep=0.7)
+
+
+def test_given_normals_are_those_of_the_clean_surface_in_each_clouds_own_frame() -> None:
+    pairs = make_balls(replace(HARD, jitter_deviation=0.0, normals="given"))
+    assert pairs.source_normals is not None
+    assert pairs.target_normals is not None
+    pose = pairs.T_target_source
+    back = transform(invert(pose), pairs.target.double())
+    back_normals = pairs.target_normals.double() @ pose[:, :3, :3]
+    for points, normals in (
+        (pairs.source.double(), pairs.source_normals.double()),
+        (back, back_normals),
+    ):
+        differences = points[:, 1:] - points[:, :1]  # the radius is not known, but it is one
+        radius = differences.norm(dim=-1) / (normals[:, 1:] - normals[:, :1]).norm(dim=-1)
+        torch.testing.assert_close(
+            differences,
+            radius.mean(dim=1)[:, None, None] * (normals[:, 1:] - normals[:, :1]),
+            atol=1e-5,
+            rtol=0,
+        )
+        torch.testing.assert_close(normals.norm(dim=-1), torch.ones(4, 28).double())
+
+
+@pytest.mark.parametrize("corruption", [PLAIN, HARD])
+def test_giving_normals_changes_no_point_and_no_pose(corruption: Corruption) -> None:
+    with_normals = make_balls(replace(corruption, normals="given"))
+    without = make_balls(corruption)
+    assert without.source_normals is without.target_normals is None
+    assert torch.equal(with_normals.T_target_source, without.T_target_source)
+    for name in ("source", "target"):
+        torch.testing.assert_close(
+            getattr(with_normals, name), getattr(without, name), atol=1e-7, rtol=0
+        )
+
+
+def test_given_normals_are_not_jittered() -> None:
+    noisy = make_balls(replace(PLAIN, jitter_deviation=0.01, normals="given"))
+    clean = make_balls(replace(PLAIN, normals="given"))
+    assert noisy.source_normals is not None
+    assert clean.source_normals is not None
+    assert torch.equal(noisy.source_normals, clean.source_normals)
+    assert not torch.equal(noisy.source, clean.source)
+
+
+def test_refuses_to_give_normals_of_an_item_that_has_none_by_its_name() -> None:
+    items = make_items(("06",), 1)
+    with pytest.raises(ValueError, match=r"no pair of 06_0: .* needs a cloud with normals"):
+        make_pairs(items, [0], None, replace(PLAIN, normals="given"), [0])
