@@ -1,10 +1,15 @@
 """What training minimises: Eqs. (15)-(17) and the terms of RPM-Net."""
 
+from collections.abc import Sequence
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.geometry.rigid import invert
+from pcrdiff.geometry.rigid import invert, transform
+
+INLIER_WEIGHT = 0.01  # Yew & Lee 2020, Sec. 4.4
+ROUND = 1e-4  # cloud units; below it a distance is too short to have a direction
 
 
 def diffusion_loss(
@@ -57,3 +62,54 @@ def point_loss(
 def inlier_loss(matches: Float[Tensor, "batch n m"]) -> Float[Tensor, ""]:
     """How far rows and columns of the matches fall short of 1 (Yew & Lee 2020, Eq. 11)."""
     return (1 - matches.sum(dim=-1)).mean() + (1 - matches.sum(dim=-2)).mean()
+
+
+def rotation_loss(
+    T_estimate: Float[Tensor, "batch 4 4"], T_truth: Float[Tensor, "batch 4 4"]
+) -> Float[Tensor, ""]:
+    """Mean square of the entries of ``R^T R_gt - I`` (Wang & Solomon 2019, Eq. 16)."""
+    R, R_truth = T_estimate[:, :3, :3], T_truth[:, :3, :3]
+    return (R.mT @ R_truth - torch.eye(3).to(R)).square().mean()
+
+
+def translation_loss(
+    T_estimate: Float[Tensor, "batch 4 4"], T_truth: Float[Tensor, "batch 4 4"]
+) -> Float[Tensor, ""]:
+    """Mean square of the entries of ``t - t_gt`` (Wang & Solomon 2019, Eq. 16)."""
+    return (T_estimate[:, :3, 3] - T_truth[:, :3, 3]).square().mean()
+
+
+def matching_losses(
+    steps: Sequence[tuple[Float[Tensor, "batch 4 4"], Float[Tensor, "batch n m"]]],
+    T_truth: Float[Tensor, "batch 4 4"],
+    source: Float[Tensor, "batch n 3"],
+) -> dict[str, Float[Tensor, ""]]:
+    """RPM-Net's loss of a pose found step by step (Yew & Lee 2020, Sec. 4.4).
+
+    Args:
+        steps: The pose and the matches after each step; the last one weighs 1, each one before
+            it half of the next.
+        T_truth: The true T_target_source.
+        source: The points that both poses move.
+    """
+    weights = [0.5 ** (len(steps) - 1 - i) for i in range(len(steps))]
+    true = transform(T_truth, source)
+    points = [
+        w * point_loss(transform(T, source), true) for w, (T, _) in zip(weights, steps, strict=True)
+    ]
+    inliers = [w * inlier_loss(matches) for w, (_, matches) in zip(weights, steps, strict=True)]
+    return {
+        "points": torch.stack(points).sum(),
+        "inliers": INLIER_WEIGHT * torch.stack(inliers).sum(),
+    }
+
+
+def nearest_distance(
+    queries: Float[Tensor, "batch n 3"], points: Float[Tensor, "batch m 3"]
+) -> Float[Tensor, ""]:
+    """Mean distance from a query to its nearest point, mean over the batch.
+
+    One way of :func:`chamfer_loss`, and not squared. Within ``ROUND`` the gradient fades.
+    """
+    squares = (queries - _nearest(queries.detach(), points)).square().sum(dim=-1)
+    return (squares + ROUND**2).sqrt().mean()

@@ -10,11 +10,10 @@ from torch import Tensor
 from pcrdiff.diffusion.process import corrupt
 from pcrdiff.diffusion.sampling import Walk, sample
 from pcrdiff.diffusion.schedule import cosine_alphas_bar
-from pcrdiff.geometry.procrustes import fit_rigid
 from pcrdiff.geometry.rigid import from_pose_vector, pose_vector, transform
 from pcrdiff.losses import diffusion_loss, inlier_loss, point_loss
 from pcrdiff.models.attention import CrossCloudAttention
-from pcrdiff.models.matching import AnnealingNet, match_scores, sinkhorn
+from pcrdiff.models.matching import AnnealingNet, fit_matches, match_scores, sinkhorn
 from pcrdiff.models.pose_encoder import PoseEncoder
 from pcrdiff.models.structure import StructureEmbedding, describe
 from pcrdiff.registration import LearnedMethod, Pairs, check_clouds
@@ -94,7 +93,7 @@ class PCRDiffusionCB(LearnedMethod):
         x_t, t = corrupt(x_0, self.alphas_bar, generator=generator)
         encoded = self.encode(source, pairs.target)
         matches = self.match(x_t, t, encoded)
-        T_estimate = fit_matches(encoded, matches)
+        T_estimate = fit_matches(source, pairs.target, matches)
         return {
             "diffusion": diffusion_loss(pose_vector(T_estimate), x_0),
             "points": point_loss(transform(T_estimate, source), transform(T_truth, source)),
@@ -125,13 +124,5 @@ class PCRDiffusionCB(LearnedMethod):
         self, x_t: Float[Tensor, "batch 7"], t: Int[Tensor, " batch"], encoded: Encoded
     ) -> Float[Tensor, "batch 7"]:
         """f_theta: predict G_0 from G_t, by the pose that fits the matches (Eq. 1)."""
-        return pose_vector(fit_matches(encoded, self.match(x_t, t, encoded)))
-
-
-def fit_matches(
-    encoded: Encoded, matches: Float[Tensor, "batch n m"]
-) -> Float[Tensor, "batch 4 4"]:
-    """The pose that carries each source point to the mean of its matches, by their weight."""
-    weights = matches.sum(dim=-1)
-    matched = (matches @ encoded.target) / (weights.unsqueeze(-1) + 1e-5)
-    return fit_rigid(encoded.source, matched, weights + 1e-8)
+        matches = self.match(x_t, t, encoded)
+        return pose_vector(fit_matches(encoded.source, encoded.target, matches))

@@ -6,6 +6,7 @@ from torch import Tensor, nn
 from torch.nn.functional import pad, softplus
 
 from pcrdiff.geometry.neighbors import squared_distances
+from pcrdiff.geometry.procrustes import fit_rigid
 from pcrdiff.models.mlp import he_layers
 from pcrdiff.models.pointnet import PointNet
 
@@ -57,3 +58,32 @@ def sinkhorn(scores: Float[Tensor, "batch n m"], iterations: int) -> Float[Tenso
         rows = 1 / (kernel @ columns.mT + slack)
         columns = 1 / (rows.mT @ kernel + 1)
     return rows * kernel * columns
+
+
+def fit_matches(
+    source: Float[Tensor, "batch n 3"],
+    target: Float[Tensor, "batch m 3"],
+    matches: Float[Tensor, "batch n m"],
+) -> Float[Tensor, "batch 4 4"]:
+    """T_target_source that carries each source point to the mean of its matches, by their weight.
+
+    Yew & Lee 2020, Eqs. 4-5. A point that matches nothing pulls at nothing.
+    """
+    weights = matches.sum(dim=-1)
+    matched = (matches @ target) / (weights.unsqueeze(-1) + 1e-5)
+    return fit_rigid(source, matched, weights + 1e-8)
+
+
+def fit_pointers(
+    source: Float[Tensor, "batch n 3"],
+    target: Float[Tensor, "batch m 3"],
+    source_features: Float[Tensor, "batch n dim"],
+    target_features: Float[Tensor, "batch m dim"],
+) -> Float[Tensor, "batch 4 4"]:
+    """T_target_source that carries each source point to where it points among the target's.
+
+    Wang & Solomon 2019 (DCP), Eqs. 10-15: a softmax over the target's points of the scaled dot
+    products of the features, and a fit in which every source point weighs the same.
+    """
+    scores = source_features @ target_features.mT / source_features.shape[-1] ** 0.5
+    return fit_rigid(source, scores.softmax(dim=-1) @ target, torch.ones_like(source[..., 0]))

@@ -5,8 +5,26 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from pcrdiff.geometry.neighbors import BLOCK, estimate_normals, gather_points, nearest
+from pcrdiff.geometry.rigid import transform
+from pcrdiff.registration import Normals
 
-DESCRIPTOR_DIM = 11
+DESCRIPTOR_DIM, PAIR_DIM = 11, 10  # of EGST, of RPM-Net
+
+
+def split_normals(
+    who: str, cloud: Float[Tensor, "batch n channels"], normals: Normals
+) -> tuple[Float[Tensor, "batch n 3"], Float[Tensor, "batch n 3"] | None]:
+    """Points, and their unit normals where these are given.
+
+    Raises:
+        ValueError: The cloud comes without the normals, or with some that are not asked for.
+    """
+    wanted = 6 if normals == "given" else 3
+    if cloud.shape[-1] != wanted:
+        raise ValueError(
+            f"{who} with {normals} normals needs {wanted} channels, got {cloud.shape[-1]}"
+        )
+    return cloud[..., :3], cloud[..., 3:] if normals == "given" else None
 
 
 def angle_between(
@@ -18,7 +36,10 @@ def angle_between(
 
 @torch.no_grad()
 def describe(
-    points: Float[Tensor, "batch n 3"], radius: float, k: int
+    points: Float[Tensor, "batch n 3"],
+    radius: float,
+    k: int,
+    normals: Float[Tensor, "batch n 3"] | None = None,
 ) -> Float[Tensor, "batch n k 11"]:
     """The three descriptors of each point and its neighbours (Yuan et al. 2024, EGST).
 
@@ -26,13 +47,13 @@ def describe(
     pair feature of the two, and the widest angle that the neighbour spans with any point of the
     cloud. (3) does not change when the cloud moves, (1) and (2) turn with it. Neighbours are the
     ``k`` nearest within ``radius``; a place left over holds the centre itself. Normals are
-    estimated from the ``k`` nearest points.
+    those given, or estimated from the ``k`` nearest points.
 
     Raises:
         ValueError: The cloud has fewer than ``k`` points.
     """
     distances, index = nearest(points, points, k)
-    normals = estimate_normals(points, index)
+    normals = estimate_normals(points, index) if normals is None else normals
     own = torch.arange(points.shape[1], device=points.device)[None, :, None]
     index = torch.where(distances <= radius**2, index, own)
     centre = (points - points.mean(dim=-2, keepdim=True)).unsqueeze(-2).expand(-1, -1, k, -1)
@@ -46,6 +67,48 @@ def describe(
         widest_angle(points, index),
     ]
     return torch.cat([centre, offset, torch.stack(pair_feature, dim=-1)], dim=-1)
+
+
+@torch.no_grad()
+def describe_pairs(
+    points: Float[Tensor, "batch n 3"],
+    normals: Float[Tensor, "batch n 3"] | None,
+    radius: float,
+    k: int,
+) -> Float[Tensor, "batch n k 10"]:
+    """RPM-Net's numbers of each point and its neighbours (Yew & Lee 2020, Sec. 4.1).
+
+    (1) where the centre is, from the cloud's mean; (2) the neighbour's offset; (3) the point pair
+    feature of the two. :func:`move` says what a motion does to them. Neighbours are those of
+    :func:`describe`. Where ``normals`` is None they are estimated, and then each is a line without
+    a direction: its angles are folded into [0, pi/2]. A direction could only come from the
+    centroid, and two crops of one object have two.
+
+    Raises:
+        ValueError: The cloud has fewer than ``k`` points.
+    """
+    distances, index = nearest(points, points, k)
+    axes = estimate_normals(points, index) if normals is None else normals
+    own = torch.arange(points.shape[1], device=points.device)[None, :, None]
+    index = torch.where(distances <= radius**2, index, own)
+    centre = (points - points.mean(dim=-2, keepdim=True)).unsqueeze(-2).expand(-1, -1, k, -1)
+    offset = gather_points(points, index) - points.unsqueeze(-2)
+    n_centre, n_neighbour = axes.unsqueeze(-2).expand_as(offset), gather_points(axes, index)
+    pairs = ((n_centre, offset), (n_neighbour, offset), (n_centre, n_neighbour))
+    angles = torch.stack([angle_between(a, b) for a, b in pairs], dim=-1)
+    if normals is None:
+        angles = torch.minimum(angles, torch.pi - angles)
+    return torch.cat([centre, offset, angles, offset.norm(dim=-1, keepdim=True)], dim=-1)
+
+
+def move(
+    descriptors: Float[Tensor, "batch n k dim"], T: Float[Tensor, "batch 4 4"]
+) -> Float[Tensor, "batch n k dim"]:
+    """What a moved cloud's descriptors are: centres move, offsets turn, the rest stays."""
+    centre, offset, invariant = descriptors.tensor_split((3, 6), dim=-1)
+    moved = transform(T, centre[:, :, 0]).unsqueeze(-2).expand_as(centre)
+    turned = offset @ T[:, None, :3, :3].mT
+    return torch.cat([moved, turned, invariant], dim=-1)
 
 
 def widest_angle(
@@ -74,11 +137,11 @@ def widest_angle(
 class StructureEmbedding(nn.Module):
     """Descriptors to one feature per point: an MLP per neighbour, the maximum, an MLP per point."""
 
-    def __init__(self, dim: int) -> None:
-        """``dim`` of a point's feature, 128 in EGST."""
+    def __init__(self, dim: int, ins: int = DESCRIPTOR_DIM) -> None:
+        """``dim`` of a point's feature, 128 in EGST; ``ins`` numbers tell of a neighbour."""
         super().__init__()
         self.per_neighbour = nn.ModuleList(
-            nn.Linear(i, o) for i, o in ((DESCRIPTOR_DIM, dim), (dim, dim), (dim, 2 * dim))
+            nn.Linear(i, o) for i, o in ((ins, dim), (dim, dim), (dim, 2 * dim))
         )
         self.per_point = nn.Sequential(
             nn.Linear(2 * dim, 2 * dim),
@@ -90,7 +153,7 @@ class StructureEmbedding(nn.Module):
             nn.Linear(dim, dim),
         )
 
-    def forward(self, descriptors: Float[Tensor, "batch n k 11"]) -> Float[Tensor, "batch n dim"]:
+    def forward(self, descriptors: Float[Tensor, "batch n k ins"]) -> Float[Tensor, "batch n dim"]:
         """The structured feature of each point."""
         features = descriptors
         for layer in self.per_neighbour:

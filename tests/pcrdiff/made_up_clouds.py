@@ -50,3 +50,11 @@ def made_up_pairs(count: int, n: int, *, generator: torch.Generator) -> Pairs:
     target = transform(poses, source.double()).float()
     target = target[:, torch.randperm(n, generator=generator)]
     return Pairs(source, target, poses, torch.arange(count), ("potato",) * count)
+
+
+def true_matches(pairs: Pairs) -> Tensor:
+    """1 where the moved source point is the target point."""
+    moved = transform(pairs.T_target_source, pairs.source.double())
+    matches = (torch.cdist(moved, pairs.target.double()) < 1e-5).float()
+    assert (matches.sum(dim=-1) == 1).all()
+    return matches

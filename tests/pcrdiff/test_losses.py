@@ -10,8 +10,11 @@ from pcrdiff.losses import (
     chamfer_loss,
     diffusion_loss,
     inlier_loss,
+    matching_losses,
     point_loss,
     pose_loss,
+    rotation_loss,
+    translation_loss,
 )
 from tests.pcrdiff.made_up_clouds import random_poses, seeded, small_pose
 
@@ -89,3 +92,37 @@ def test_the_inlier_loss_worked_by_hand() -> None:
     matches = torch.tensor([[[0.5, 0.0], [0.0, 1.0], [0.0, 0.0]]])
     # rows fall short by 0.5, 0, 1 and columns by 0.5, 0
     assert inlier_loss(matches).item() == pytest.approx(0.5 + 0.25)
+
+
+def test_the_rotation_loss_worked_by_hand() -> None:
+    truth = torch.stack([small_pose(0, (0, 0, 0)), small_pose(60, (5.0, 0, 0))])
+    eye = torch.eye(4, dtype=torch.float64).repeat(2, 1, 1)
+    # |R - I|_F^2 = 8 sin^2(angle / 2) = 2 at 60 degrees, over 9 entries and 2 pairs
+    assert rotation_loss(eye, truth).item() == pytest.approx(2 / 9 / 2)
+    assert rotation_loss(truth, truth).item() == pytest.approx(0, abs=1e-14)
+
+
+def test_the_rotation_loss_does_not_care_where_either_frame_is() -> None:
+    A, estimate, truth = random_poses(3, 4, generator=seeded(3))
+    loss = rotation_loss(estimate, truth)
+    torch.testing.assert_close(rotation_loss(A @ estimate, A @ truth), loss)
+    torch.testing.assert_close(rotation_loss(estimate @ A, truth @ A), loss)
+
+
+def test_the_translation_loss_worked_by_hand() -> None:
+    estimate = torch.stack([small_pose(30, (1.0, 0, 0)), small_pose(0, (0, 0, 0))])
+    truth = torch.stack([small_pose(0, (0, 0, 0)), small_pose(50, (0, 3.0, 4.0))])
+    assert translation_loss(estimate, truth).item() == pytest.approx((1 + 25) / 6)
+    assert translation_loss(truth, truth).item() == 0
+
+
+def test_the_losses_of_matching_halve_with_every_update_that_follows() -> None:
+    source = torch.rand(2, 7, 3, generator=seeded(5), dtype=torch.float64)
+    truth = torch.eye(4, dtype=torch.float64).repeat(2, 1, 1)
+    off = small_pose(0, (0.3, 0.3, 0.3)).expand(2, 4, 4)
+    all_matched = torch.eye(7, dtype=torch.float64).repeat(2, 1, 1)
+    steps = [(off, all_matched), (truth, 0 * all_matched), (off, all_matched / 2)]
+    terms = matching_losses(steps, truth, source)
+    assert set(terms) == {"points", "inliers"}
+    assert terms["points"].item() == pytest.approx(0.25 * 0.3 + 0.3)
+    assert terms["inliers"].item() == pytest.approx(0.01 * (0.5 * 2 + 1))

@@ -6,12 +6,20 @@ import torch
 
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.methods.constant import Constant
+from pcrdiff.methods.dcp_v1 import DCPv1
+from pcrdiff.methods.dcp_v2 import DCPv2
+from pcrdiff.methods.deepgmr import DeepGMR
+from pcrdiff.methods.egst import EGST
 from pcrdiff.methods.fgr import FGR
+from pcrdiff.methods.fmr import FMR
 from pcrdiff.methods.icp import ICP
 from pcrdiff.methods.icp_centroid import ICPCentroid
 from pcrdiff.methods.identity import Identity
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
+from pcrdiff.methods.pcrnet import PCRNet
+from pcrdiff.methods.pointnetlk import PointNetLK
+from pcrdiff.methods.rpmnet import RPMNet
 from pcrdiff.registration import LearnedMethod, Method
 from tests.pcrdiff.made_up_clouds import random_poses, seeded
 
@@ -49,15 +57,37 @@ def make_fgr() -> FGR:
     )
 
 
+def make_matching(kind: Callable[..., LearnedMethod]) -> LearnedMethod:
+    """RPMNet or EGST."""
+    return kind(
+        feature_dim=16, neighbours=6, radius=0.5, train_updates=2, updates=3, normals="estimated"
+    )
+
+
+CLASSICAL: dict[str, Callable[[], Method]] = {
+    "identity": Identity,
+    "constant": lambda: Constant(random_poses(5, generator=seeded(0))),
+    "icp_centroid": lambda: ICPCentroid(max_iterations=100, max_distance=0.5),
+    "icp": lambda: ICP(max_iterations=30, max_distance=0.5),
+    "fgr": make_fgr,
+}
+LEARNED: dict[str, Callable[[], LearnedMethod]] = {
+    "pointnetlk": lambda: PointNetLK(feature_dim=64, train_updates=2, updates=3),
+    "pcrnet": lambda: PCRNet(feature_dim=32, train_updates=2, probes=16, updates=3),
+    "deepgmr": lambda: DeepGMR(neighbours=6, feature_dim=32, components=6),
+    "dcp_v1": lambda: DCPv1(feature_dim=16, neighbours=6),
+    "dcp_v2": lambda: DCPv2(feature_dim=16, neighbours=6),
+    "fmr": lambda: FMR(feature_dim=64, decoded_points=20, train_updates=2, updates=3),
+    "rpmnet": lambda: make_matching(RPMNet),
+    "egst": lambda: make_matching(EGST),
+    "pcrdiffusion_cf": make_cf,
+    "pcrdiffusion_cb": make_cb,
+}
+DIFFUSED = ("pcrdiffusion_cf", "pcrdiffusion_cb")
+"""Those that draw while they register."""
+
+
 def make_method(name: str) -> Method:
-    """By the name of its row."""
-    makers: dict[str, Callable[[], Method]] = {
-        "identity": Identity,
-        "constant": lambda: Constant(random_poses(5, generator=seeded(0))),
-        "icp": lambda: ICP(max_iterations=30, max_distance=0.5),
-        "icp_centroid": lambda: ICPCentroid(max_iterations=100, max_distance=0.5),
-        "fgr": make_fgr,
-        "pcrdiffusion_cf": make_cf,
-        "pcrdiffusion_cb": make_cb,
-    }
-    return makers[name]()
+    """By the name of its row; the same weights every time."""
+    torch.manual_seed(0)
+    return (CLASSICAL | LEARNED)[name]()

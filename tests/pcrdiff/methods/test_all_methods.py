@@ -4,13 +4,24 @@ import pytest
 import torch
 from torch import Tensor
 
+from pcrdiff.geometry.rigid import transform
+from pcrdiff.metrics import error_r_deg, error_t
 from pcrdiff.registration import LearnedMethod, Method
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, made_up_pairs, seeded
-from tests.pcrdiff.methods.made_up_methods import make_method
+from tests.pcrdiff.made_up_clouds import (
+    lopsided_clouds,
+    made_up_pairs,
+    random_poses,
+    seeded,
+    small_pose,
+)
+from tests.pcrdiff.methods.made_up_methods import CLASSICAL, DIFFUSED, LEARNED, make_method
 
-CLASSICAL = ["identity", "constant", "icp", "icp_centroid", "fgr"]
-LEARNED = ["pcrdiffusion_cf", "pcrdiffusion_cb"]
-every_method = pytest.mark.parametrize("name", CLASSICAL + LEARNED)
+every_method = pytest.mark.parametrize("name", [*CLASSICAL, *LEARNED])
+every_learned_method = pytest.mark.parametrize("name", LEARNED)
+FOLLOW_ANY_MOTION = ("fgr", "deepgmr")
+"""Their answer on exact copies follows the target wherever it goes."""
+FOLLOW_NO_SHIFT = ("identity", "constant", "icp", "pcrdiffusion_cf", "pcrdiffusion_cb")
+"""They look at where the clouds lie in space, or at nothing at all."""
 
 
 def clouds(n: int = 64, m: int = 64, batch: int = 3) -> tuple[Tensor, Tensor]:
@@ -107,7 +118,7 @@ def test_refuses_an_empty_batch(name: str) -> None:
         make_method(name).register(nothing, nothing, generator=seeded(1))
 
 
-@pytest.mark.parametrize("name", LEARNED)
+@every_learned_method
 def test_a_learned_method_does_not_care_for_the_order_of_the_points(name: str) -> None:
     source, target = clouds()
     g = seeded(2)
@@ -122,21 +133,24 @@ def test_a_learned_method_does_not_care_for_the_order_of_the_points(name: str) -
     )
 
 
-@pytest.mark.parametrize("name", LEARNED)
-def test_a_learned_method_hears_its_generator_and_sees_both_clouds(name: str) -> None:
+@every_learned_method
+def test_a_learned_method_sees_both_clouds_and_a_diffused_one_hears_its_generator(
+    name: str,
+) -> None:
     source, target = clouds()
     other = lopsided_clouds(3, 64, generator=seeded(3))
     method = make_method(name)
     answer = method.register(source, target, generator=seeded(1))
     for changed in (
-        method.register(source, target, generator=seeded(2)),
         method.register(other, target, generator=seeded(1)),
         method.register(source, other, generator=seeded(1)),
     ):
         assert not torch.allclose(changed, answer, atol=1e-5)
+    drawn_anew = method.register(source, target, generator=seeded(2))
+    assert torch.allclose(drawn_anew, answer, atol=1e-5) == (name not in DIFFUSED)
 
 
-@pytest.mark.parametrize("name", LEARNED)
+@every_learned_method
 def test_a_learned_method_registers_without_a_gradient_and_its_loss_reaches_all_weights(
     name: str,
 ) -> None:
@@ -153,10 +167,36 @@ def test_a_learned_method_registers_without_a_gradient_and_its_loss_reaches_all_
         assert parameter.grad.abs().max() > 0, parameter_name
 
 
-@pytest.mark.parametrize("name", LEARNED)
+@every_learned_method
 def test_the_loss_of_a_learned_method_follows_its_generator(name: str) -> None:
     method, pairs = make_method(name), made_up_pairs(3, 64, generator=seeded(0))
     assert isinstance(method, LearnedMethod)
     first, again, other = (method.loss(pairs, generator=seeded(k)) for k in (1, 1, 2))
     assert {k: v.item() for k, v in first.items()} == {k: v.item() for k, v in again.items()}
-    assert first["diffusion"] != other["diffusion"]
+    if name in DIFFUSED:
+        assert first["diffusion"] != other["diffusion"]
+
+
+@pytest.mark.parametrize("name", FOLLOW_ANY_MOTION)
+def test_the_answer_follows_any_motion_of_the_target(name: str) -> None:
+    pairs = made_up_pairs(3, 200, generator=seeded(4))
+    A = random_poses(3, generator=seeded(5))
+    moved = transform(A, pairs.target.double()).float()
+    answer = make_method(name).register(pairs.source, pairs.target, generator=seeded(1))
+    follows = make_method(name).register(pairs.source, moved, generator=seeded(1))
+    assert error_r_deg(follows.double(), A @ answer.double()).max() < 0.1
+    assert error_t(follows.double(), A @ answer.double()).max() < 2e-3
+
+
+@pytest.mark.parametrize("name", [*CLASSICAL, *LEARNED])
+def test_the_answer_follows_a_shift_of_the_target_unless_its_place_is_what_is_read(
+    name: str,
+) -> None:
+    source, target = clouds()
+    shift = small_pose(0, (0.7, -0.4, 0.2))
+    method = make_method(name)
+    answer = method.register(source, target, generator=seeded(1)).double()
+    moved = target + shift[:3, 3].float()
+    follows = method.register(source, moved, generator=seeded(1)).double()
+    close = torch.allclose(follows, shift @ answer, atol=5e-4)
+    assert close == (name not in FOLLOW_NO_SHIFT)

@@ -6,41 +6,8 @@ from torch import Tensor
 
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.geometry.rigid import transform
-from pcrdiff.methods.pcrdiffusion_cb import Encoded, fit_matches
-from pcrdiff.metrics import error_r_deg
-from pcrdiff.registration import Pairs
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose
+from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose, true_matches
 from tests.pcrdiff.methods.made_up_methods import make_cb
-
-
-def encoded(source: Tensor, target: Tensor) -> Encoded:
-    nothing = torch.zeros(len(source))
-    features = torch.zeros(*source.shape[:2], 4), torch.zeros(*target.shape[:2], 4)
-    return Encoded(source, target, *features, nothing, nothing)
-
-
-def true_matches(pairs: Pairs) -> Tensor:
-    """1 where the moved source point is the target point."""
-    moved = transform(pairs.T_target_source, pairs.source.double())
-    matches = (torch.cdist(moved, pairs.target.double()) < 1e-5).float()
-    assert (matches.sum(dim=-1) == 1).all()
-    return matches
-
-
-def test_perfect_matches_give_the_pose_also_where_some_points_have_none() -> None:
-    pairs = made_up_pairs(3, 40, generator=seeded(0))
-    matches = true_matches(pairs)
-    matches[:, :15] = 0
-    pose = fit_matches(encoded(pairs.source, pairs.target), matches)
-    assert error_r_deg(pose.double(), pairs.T_target_source).max() < 0.1
-
-
-def test_half_a_match_weighs_half() -> None:
-    pairs = made_up_pairs(1, 40, generator=seeded(1))
-    matches = true_matches(pairs)
-    half = fit_matches(encoded(pairs.source, pairs.target), 0.5 * matches)
-    whole = fit_matches(encoded(pairs.source, pairs.target), matches)
-    torch.testing.assert_close(half, whole, atol=1e-4, rtol=0)
 
 
 def test_matches_have_a_row_a_source_point_and_a_column_a_target_point() -> None:

@@ -4,8 +4,23 @@ import pytest
 import torch
 from torch import Tensor
 
-from pcrdiff.models.matching import AnnealingNet, match_scores, sinkhorn
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, seeded
+from pcrdiff.geometry.procrustes import fit_rigid
+from pcrdiff.geometry.rigid import transform
+from pcrdiff.metrics import error_r_deg
+from pcrdiff.models.matching import (
+    AnnealingNet,
+    fit_matches,
+    fit_pointers,
+    match_scores,
+    sinkhorn,
+)
+from tests.pcrdiff.made_up_clouds import (
+    lopsided_clouds,
+    made_up_pairs,
+    random_poses,
+    seeded,
+    true_matches,
+)
 
 
 def scores(n: int = 7, m: int = 9, spread: float = 3.0) -> Tensor:
@@ -135,3 +150,61 @@ def test_annealing_knows_which_cloud_is_which() -> None:
     clouds = lopsided_clouds(2, 20, generator=seeded(6))
     source, target = clouds[:1], clouds[1:]
     assert not torch.allclose(net(source, target)[0], net(target, source)[0], rtol=1e-4)
+
+
+def pointed() -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Two clouds of other sizes and any features of their points."""
+    source = lopsided_clouds(2, 12, generator=seeded(7)).double()
+    target = lopsided_clouds(2, 9, generator=seeded(8)).double()
+    g = seeded(9)
+    source_features = torch.randn(2, 12, 16, generator=g, dtype=torch.float64)
+    target_features = torch.randn(2, 9, 16, generator=g, dtype=torch.float64)
+    return source, target, source_features, target_features
+
+
+def test_pointers_agree_with_a_slow_twin() -> None:
+    source, target, source_features, target_features = pointed()
+    rows = []
+    for pair in range(2):
+        for feature in source_features[pair]:
+            weights = torch.stack([(feature * other).sum() / 4 for other in target_features[pair]])
+            weights = weights.exp() / weights.exp().sum()  # 4 is the root of 16
+            rows.append((weights.unsqueeze(-1) * target[pair]).sum(dim=0))
+    places = torch.stack(rows).view(2, 12, 3)
+    expected = fit_rigid(source, places, torch.ones(2, 12, dtype=torch.float64))
+    torch.testing.assert_close(fit_pointers(*pointed()), expected)
+
+
+def test_pointers_that_are_sure_of_their_copies_give_the_exact_pose() -> None:
+    pairs = made_up_pairs(3, 30, generator=seeded(10))
+    features = 40 * torch.eye(30).expand(3, -1, -1)
+    target = transform(pairs.T_target_source, pairs.source.double()).float()
+    answer = fit_pointers(pairs.source, target.flip(1), features, features.flip(1))
+    torch.testing.assert_close(answer, pairs.T_target_source.float(), atol=1e-5, rtol=0)
+
+
+def test_the_pose_that_pointers_fit_follows_the_target_and_forgets_the_order() -> None:
+    source, target, source_features, target_features = pointed()
+    answer, A = fit_pointers(*pointed()), random_poses(2, generator=seeded(11))
+    moved = fit_pointers(source, transform(A, target), source_features, target_features)
+    torch.testing.assert_close(moved, A @ answer)
+    shuffled = fit_pointers(
+        source.flip(1), target.roll(3, 1), source_features.flip(1), target_features.roll(3, 1)
+    )
+    torch.testing.assert_close(shuffled, answer)
+
+
+def test_perfect_matches_give_the_pose_also_where_some_points_have_none() -> None:
+    pairs = made_up_pairs(3, 40, generator=seeded(0))
+    matches = true_matches(pairs)
+    matches[:, :15] = 0
+    pose = fit_matches(pairs.source, pairs.target, matches)
+    assert error_r_deg(pose.double(), pairs.T_target_source).max() < 0.1
+
+
+def test_half_a_match_weighs_half() -> None:
+    pairs = made_up_pairs(1, 40, generator=seeded(1))
+    matches = true_matches(pairs)
+    half = fit_matches(pairs.source, pairs.target, 0.5 * matches)
+    whole = fit_matches(pairs.source, pairs.target, matches)
+    torch.testing.assert_close(half, whole, atol=1e-4, rtol=0)

@@ -6,10 +6,18 @@ from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from pcrdiff.geometry import neighbors
-from pcrdiff.geometry.neighbors import nearest
+from pcrdiff.geometry.neighbors import estimate_normals, nearest
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.models import structure
-from pcrdiff.models.structure import StructureEmbedding, angle_between, describe, widest_angle
+from pcrdiff.models.structure import (
+    StructureEmbedding,
+    angle_between,
+    describe,
+    describe_pairs,
+    move,
+    split_normals,
+    widest_angle,
+)
 from tests.pcrdiff.made_up_clouds import lopsided_clouds, random_poses, seeded
 
 RADIUS, K = 0.4, 8
@@ -70,6 +78,63 @@ def test_a_place_without_a_neighbour_holds_the_centre() -> None:
     lonely = torch.cat([clouds(), torch.full((2, 1, 3), 50.0, dtype=torch.float64)], dim=1)
     offset = describe(lonely, RADIUS, K)[:, -1, :, 3:6]
     assert (offset == 0).all()
+
+
+def outward(points: Tensor) -> Tensor:
+    """A unit vector per point that turns with the cloud about its mean."""
+    return torch.nn.functional.normalize(points - points.mean(dim=1, keepdim=True), dim=-1)
+
+
+def test_the_pair_feature_of_rpm_net_does_not_change_when_the_cloud_moves() -> None:
+    points, T = clouds(), random_poses(2, generator=seeded(1))
+    moved = transform(T, points)
+    for normals, turned in ((None, None), (outward(points), outward(moved))):
+        before = describe_pairs(points, normals, RADIUS, K)
+        after = describe_pairs(moved, turned, RADIUS, K)
+        assert before.shape == (2, 120, K, 10)
+        torch.testing.assert_close(after[..., 6:], before[..., 6:], atol=1e-6, rtol=0)
+
+
+def test_given_normals_have_a_direction_and_estimated_ones_are_lines() -> None:
+    points = clouds()
+    estimated = estimate_normals(points, nearest(points, points, K)[1])
+    directed = describe_pairs(points, estimated, RADIUS, K)
+    folded = describe_pairs(points, None, RADIUS, K)
+    assert folded[..., 6:9].max() <= torch.pi / 2
+    assert directed[..., 6:9].max() > torch.pi / 2
+    torch.testing.assert_close(folded[..., 6:9].sin(), directed[..., 6:9].sin())
+    torch.testing.assert_close(folded[..., :6], directed[..., :6])
+    torch.testing.assert_close(folded[..., 9], directed[..., 9])
+
+
+def test_the_two_describe_alike_what_they_share() -> None:
+    points = clouds()
+    normals = estimate_normals(points, nearest(points, points, K)[1])
+    whole = describe(points, RADIUS, K)
+    assert torch.equal(describe(points, RADIUS, K, normals), whole)
+    assert torch.equal(describe_pairs(points, normals, RADIUS, K), whole[..., :10])
+    assert not torch.allclose(describe(points, RADIUS, K, outward(points)), whole)
+
+
+def test_a_motion_of_descriptors_is_that_of_the_cloud_about_its_old_mean() -> None:
+    points, T = clouds(), random_poses(2, generator=seeded(2))
+    points = points - points.mean(dim=1, keepdim=True)
+    moved = move(describe(points, RADIUS, K), T)
+    expected = describe(transform(T, points), RADIUS, K)
+    expected[..., :3] += T[:, None, None, :3, 3]  # its own mean is the translation
+    torch.testing.assert_close(moved, expected, atol=1e-6, rtol=0)
+
+
+def test_refuses_clouds_with_other_channels_than_the_normals_ask_for() -> None:
+    cloud = torch.zeros(1, 9, 6)
+    assert split_normals("x", cloud[..., :3], "estimated")[1] is None
+    normals = split_normals("x", cloud, "given")[1]
+    assert normals is not None
+    assert normals.shape == (1, 9, 3)
+    with pytest.raises(ValueError, match="x with estimated normals needs 3 channels, got 6"):
+        split_normals("x", cloud, "estimated")
+    with pytest.raises(ValueError, match="x with given normals needs 6 channels, got 3"):
+        split_normals("x", cloud[..., :3], "given")
 
 
 def test_blocks_give_what_one_block_gives(monkeypatch: pytest.MonkeyPatch) -> None:

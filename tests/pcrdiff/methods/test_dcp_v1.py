@@ -1,0 +1,80 @@
+"""What is particular to DCP's first version."""
+
+import torch
+from torch import Tensor, nn
+
+from pcrdiff.losses import rotation_loss, translation_loss
+from pcrdiff.methods.dcp_v1 import DCPv1
+from pcrdiff.models.matching import fit_pointers
+from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+
+
+def make() -> DCPv1:
+    torch.manual_seed(0)
+    return DCPv1(feature_dim=32, neighbours=6)
+
+
+class Known(nn.Module):
+    """An encoder that knows every point of the source and recognises it in the target."""
+
+    def __init__(self, source: Tensor, target: Tensor, order: Tensor) -> None:
+        super().__init__()
+        self.clouds = (source, target)
+        self.labels = 30 * torch.eye(len(order)), 30 * torch.eye(len(order))[order]
+
+    def forward(self, points: Tensor) -> Tensor:
+        """A label per point, the same for a point and its copy."""
+        which = 0 if points is self.clouds[0] else 1
+        return self.labels[which].expand(len(points), -1, -1)
+
+
+def test_features_that_tell_every_point_from_the_others_give_the_exact_pose() -> None:
+    pairs = made_up_pairs(3, 40, generator=seeded(0))
+    gaps = torch.cdist(
+        pairs.source @ pairs.T_target_source[:, :3, :3].float().mT
+        + pairs.T_target_source[:, None, :3, 3].float(),
+        pairs.target,
+    )
+    order = gaps[0].argmin(dim=0)  # target j is a copy of source order[j], in all pairs
+    method = make()
+    method.encoder = Known(pairs.source, pairs.target, order)  # type: ignore[assignment]
+    answer = method.register(pairs.source, pairs.target, generator=seeded(0))
+    torch.testing.assert_close(answer, pairs.T_target_source.float(), atol=1e-5, rtol=0)
+    assert sum(method.loss(pairs, generator=seeded(0)).values()) < 1e-9
+
+
+def test_registering_points_with_the_features_of_each_cloud_by_itself() -> None:
+    method, pairs = make(), made_up_pairs(2, 30, generator=seeded(1))
+    answer = method.register(pairs.source, pairs.target, generator=seeded(0))
+    features = method.encoder(pairs.source), method.encoder(pairs.target)
+    torch.testing.assert_close(answer, fit_pointers(pairs.source, pairs.target, *features))
+
+
+def test_the_losses_are_those_of_equation_16() -> None:
+    method, pairs = make(), made_up_pairs(3, 30, generator=seeded(1))
+    terms = method.loss(pairs, generator=seeded(0))
+    T = method.register(pairs.source, pairs.target, generator=seeded(0))
+    truth = pairs.T_target_source.float()
+    assert set(terms) == {"rotation", "translation"}
+    torch.testing.assert_close(terms["rotation"], rotation_loss(T, truth))
+    torch.testing.assert_close(terms["translation"], translation_loss(T, truth))
+
+
+def test_draws_nothing() -> None:
+    method, pairs, generator = make(), made_up_pairs(2, 30, generator=seeded(1)), seeded(5)
+    before = generator.get_state()
+    method.register(pairs.source, pairs.target, generator=generator)
+    method.loss(pairs, generator=generator)
+    assert torch.equal(generator.get_state(), before)
+
+
+def test_a_few_steps_on_one_batch_lower_the_loss() -> None:
+    method, pairs = make(), made_up_pairs(4, 40, generator=seeded(2))
+    optimizer, losses = torch.optim.Adam(method.parameters(), lr=3e-3), []
+    for _ in range(30):
+        loss = torch.stack(list(method.loss(pairs, generator=seeded(0)).values())).sum()
+        optimizer.zero_grad()
+        torch.autograd.backward(loss)
+        optimizer.step()
+        losses.append(loss.item())
+    assert losses[-1] < 0.5 * losses[0]

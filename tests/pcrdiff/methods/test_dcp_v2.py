@@ -1,0 +1,93 @@
+"""What is particular to DCP's second version: the transformer between the clouds."""
+
+from unittest.mock import patch
+
+import torch
+from torch import Tensor
+
+from pcrdiff.methods.dcp_v1 import DCPv1
+from pcrdiff.methods.dcp_v2 import DCPv2, Transformer
+from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+
+
+def make() -> DCPv2:
+    torch.manual_seed(0)
+    return DCPv2(feature_dim=32, neighbours=6)
+
+
+def features() -> tuple[Tensor, Tensor]:
+    g = seeded(1)
+    return torch.randn(2, 12, 16, generator=g), torch.randn(2, 9, 16, generator=g)
+
+
+def test_a_transformer_that_says_nothing_leaves_the_first_version() -> None:
+    method, first = make(), DCPv1(feature_dim=32, neighbours=6)
+    first.encoder.load_state_dict(method.encoder.state_dict())
+    pairs = made_up_pairs(2, 30, generator=seeded(0))
+    clouds = pairs.source, pairs.target
+    spoken = method.register(*clouds, generator=seeded(0))
+    torch.nn.init.zeros_(method.transformer.norm_decoder.weight)
+    silent = method.register(*clouds, generator=seeded(0))
+    torch.testing.assert_close(silent, first.register(*clouds, generator=seeded(0)))
+    assert not torch.allclose(spoken, silent, atol=1e-4)
+
+
+def test_the_clouds_trade_places_in_one_shared_transformer() -> None:
+    method, heard = make(), list[tuple[Tensor, Tensor]]()
+    method.transformer.register_forward_pre_hook(lambda _, inputs: heard.append(inputs))
+    pairs = made_up_pairs(2, 30, generator=seeded(0))
+    method.register(pairs.source, pairs.target, generator=seeded(0))
+    (first, other), (second, one) = heard
+    assert first is one
+    assert other is second
+    torch.testing.assert_close(first, method.encoder(pairs.source))
+
+
+def test_the_transformer_follows_the_order_of_its_points_and_forgets_that_of_the_other() -> None:
+    torch.manual_seed(0)
+    net, (own, other) = Transformer(16), features()
+    told = net(own, other)
+    assert told.shape == own.shape
+    torch.testing.assert_close(net(own.flip(1), other), told.flip(1))
+    torch.testing.assert_close(net(own, other.flip(1)), told)
+
+
+def test_the_transformer_hears_every_point_of_both_clouds() -> None:
+    torch.manual_seed(0)
+    net, (own, other) = Transformer(16), features()
+    own.requires_grad_()
+    other.requires_grad_()
+    torch.autograd.backward(net(own, other)[:, 0].square().sum())
+    for cloud in (own, other):
+        assert cloud.grad is not None
+        assert (cloud.grad.abs().amax(dim=-1) > 0).all()
+
+
+def test_training_and_evaluation_give_the_same_answer() -> None:
+    method, pairs = make(), made_up_pairs(2, 30, generator=seeded(0))
+    training = method.train().register(pairs.source, pairs.target, generator=seeded(0))
+    evaluated = method.eval().register(pairs.source, pairs.target, generator=seeded(0))
+    torch.testing.assert_close(evaluated, training, atol=1e-5, rtol=0)
+
+
+def test_the_right_answer_has_no_loss_and_nothing_is_drawn() -> None:
+    method, pairs, generator = make(), made_up_pairs(2, 30, generator=seeded(0)), seeded(5)
+    before = generator.get_state()
+    terms = method.loss(pairs, generator=generator)
+    assert set(terms) == {"rotation", "translation"}
+    assert all(term > 1e-4 for term in terms.values())
+    with patch.object(method, "estimate", return_value=pairs.T_target_source.float()):
+        assert sum(method.loss(pairs, generator=generator).values()) < 1e-12
+    assert torch.equal(generator.get_state(), before)
+
+
+def test_a_few_steps_on_one_batch_lower_the_loss() -> None:
+    method, pairs = make(), made_up_pairs(4, 40, generator=seeded(2))
+    optimizer, losses = torch.optim.Adam(method.parameters(), lr=3e-3), []
+    for _ in range(30):
+        loss = torch.stack(list(method.loss(pairs, generator=seeded(0)).values())).sum()
+        optimizer.zero_grad()
+        torch.autograd.backward(loss)
+        optimizer.step()
+        losses.append(loss.item())
+    assert losses[-1] < 0.5 * losses[0]

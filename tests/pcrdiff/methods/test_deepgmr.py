@@ -1,0 +1,191 @@
+"""What is particular to DeepGMR: features that no rotation changes, mixtures, one alignment."""
+
+import math
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from torch import Tensor
+
+from pcrdiff.geometry.rigid import from_parts, invert, transform
+from pcrdiff.methods.deepgmr import (
+    DeepGMR,
+    Mixture,
+    align,
+    align_differentiably,
+    describe_invariantly,
+)
+from pcrdiff.metrics import error_r_deg, error_t
+from pcrdiff.registration import Pairs
+from tests.pcrdiff.made_up_clouds import lopsided_clouds, made_up_pairs, random_poses, seeded
+
+
+def make_method() -> DeepGMR:
+    torch.manual_seed(0)
+    return DeepGMR(neighbours=8, feature_dim=32, components=8)
+
+
+def made_up_mixtures(components: int = 6, *, generator: torch.Generator) -> tuple[Mixture, Mixture]:
+    """Two mixtures that have nothing to do with each other, in float64."""
+
+    def mixture() -> Mixture:
+        shares, variances = torch.rand(2, 3, components, generator=generator).double() + 0.1
+        means = torch.randn(3, components, 3, generator=generator).double()
+        return Mixture(shares.requires_grad_(), means.requires_grad_(), variances.requires_grad_())
+
+    return mixture(), mixture()
+
+
+def lattice() -> Tensor:
+    """Points with many equally far neighbours, and one that takes the mean aside; ``[1 n 3]``."""
+    grid = 0.1 * torch.cartesian_prod(torch.arange(5.0), torch.arange(4.0), torch.arange(3.0))
+    return torch.cat([grid, torch.tensor([[0.93, 0.31, 0.57]])]).double().unsqueeze(0)
+
+
+# ---- features
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_features_follow_their_points_through_any_motion_and_order(seed: int) -> None:
+    g = seeded(seed)
+    cloud = lopsided_clouds(2, 60, generator=g).double()
+    order = torch.randperm(60, generator=g)
+    moved = transform(random_poses(2, generator=g), cloud)[:, order]
+    features = describe_invariantly(cloud, 7)[:, order]
+    torch.testing.assert_close(describe_invariantly(moved, 7), features, atol=1e-6, rtol=0)
+
+
+@pytest.mark.parametrize("k", [3, 5, 8])
+def test_features_follow_their_points_where_neighbours_are_equally_far(k: int) -> None:
+    cloud, g = lattice(), seeded(0)
+    order = torch.randperm(cloud.shape[1], generator=g)
+    moved = transform(random_poses(1, generator=g), cloud)[:, order]
+    features = describe_invariantly(cloud, k)[:, order]
+    torch.testing.assert_close(describe_invariantly(moved, k), features, atol=1e-6, rtol=0)
+
+
+def test_the_features_worked_by_hand() -> None:
+    points = [[2.0, 0, 0], [2, 1, 0], [2, 0, -1], [-6, -1, 1]]  # about their mean
+    features = describe_invariantly(torch.tensor([points], dtype=torch.float64), 2)[0, 0]
+    side = math.atan2(1, 2)
+    quarter = [math.pi / 2, 3 * math.pi / 2]
+    expected = torch.tensor([2, 5**0.5, 5**0.5, side, side, *quarter], dtype=torch.float64)
+    torch.testing.assert_close(features, expected)
+
+
+def test_the_gaps_around_a_point_make_a_full_turn() -> None:
+    gaps = describe_invariantly(lopsided_clouds(2, 60, generator=seeded(0)), 7)[..., -7:]
+    assert (gaps >= 0).all()
+    torch.testing.assert_close(gaps.sum(dim=-1), torch.full((2, 60), 2 * math.pi))
+
+
+def test_features_need_more_points_than_neighbours() -> None:
+    with pytest.raises(ValueError, match="at least k = 8 points, got 7"):
+        describe_invariantly(torch.rand(1, 7, 3), 7)
+
+
+# ---- mixtures
+
+
+def test_a_mixture_is_made_of_shares_means_and_variances() -> None:
+    method, cloud = make_method(), lopsided_clouds(2, 50, generator=seeded(0))
+    gamma, mixture = method.assign(cloud), method.mix(cloud)
+    torch.testing.assert_close(gamma.sum(dim=-1), torch.ones(2, 50))
+    for item in range(2):
+        for j in range(8):
+            g, points = gamma[item, :, j].detach(), cloud[item]
+            mean = (g[:, None] * points).sum(0) / g.sum()
+            spread = (g * (points - mean).square().sum(-1)).sum() / g.sum()
+            torch.testing.assert_close(mixture.shares[item, j], g.mean())
+            torch.testing.assert_close(mixture.means[item, j], mean, atol=1e-5, rtol=0)
+            torch.testing.assert_close(mixture.variances[item, j], spread, atol=1e-5, rtol=1e-4)
+
+
+def test_a_component_that_no_point_belongs_to_does_no_harm() -> None:
+    method, pairs = make_method(), made_up_pairs(2, 50, generator=seeded(0))
+    with torch.no_grad():
+        list(method.head.parameters())[-1][3] = -200.0
+    terms = method.loss(pairs, generator=seeded(0))
+    torch.autograd.backward(torch.stack(list(terms.values())).sum())
+    for parameter in method.parameters():
+        assert parameter.grad is not None
+        assert torch.isfinite(parameter.grad).all()
+    answer = method.register(pairs.source, pairs.target, generator=seeded(0))
+    assert error_r_deg(answer.double(), pairs.T_target_source).max() < 0.5
+
+
+# ---- alignment
+
+
+def test_aligning_weighs_by_the_sources_shares_and_the_targets_variances() -> None:
+    source, target = made_up_mixtures(generator=seeded(0))
+    T = align(source, target).detach()
+
+    def cost(pose: Tensor) -> Tensor:
+        squares = (transform(pose, source.means) - target.means).square().sum(dim=-1)
+        return (source.shares / target.variances * squares).sum(dim=-1)
+
+    small = torch.randn(40, 3, 3, generator=seeded(1)).double() * 1e-3
+    for skew in torch.linalg.matrix_exp(small - small.mT):
+        nudge = from_parts(skew, torch.zeros(3).double())
+        assert (cost(nudge @ T) > cost(T)).all()
+
+
+def test_the_gradient_of_the_alignment_is_that_of_its_svd() -> None:
+    poses, gradients = [], []
+    for way in (align, align_differentiably):
+        source, target = made_up_mixtures(generator=seeded(0))
+        poses.append(way(source, target))
+        weights = torch.randn(3, 4, 4, generator=seeded(2)).double()
+        leaves = (source.shares, source.means, target.means, target.variances)
+        gradients.append(torch.autograd.grad((poses[-1] * weights).sum(), leaves))
+    torch.testing.assert_close(*poses)
+    torch.testing.assert_close(*gradients, atol=1e-4, rtol=1e-4)
+
+
+def test_the_gradient_is_finite_where_that_of_the_svd_is_not() -> None:
+    corners = torch.cartesian_prod(*[torch.tensor([-1.0, 1.0])] * 3).unsqueeze(0)
+    means, even = corners.clone().requires_grad_(), torch.ones(1, 8)
+    source, target = Mixture(even, means, even), Mixture(even, corners, even)
+    weights = torch.randn(1, 4, 4, generator=seeded(0))
+    (svd,) = torch.autograd.grad((align(source, target) * weights).sum(), means)
+    (ours,) = torch.autograd.grad((align_differentiably(source, target) * weights).sum(), means)
+    assert not torch.isfinite(svd).all()
+    assert torch.isfinite(ours).all()
+    assert ours.abs().max() > 0
+
+
+# ---- the method
+
+
+def test_solves_exact_copies_before_any_training() -> None:
+    pairs = made_up_pairs(4, 200, generator=seeded(0))
+    answer = make_method().register(pairs.source, pairs.target, generator=seeded(0))
+    assert error_r_deg(answer.double(), pairs.T_target_source).max() < 0.1
+    assert error_t(answer.double(), pairs.T_target_source).max() < 1e-3
+
+
+def test_the_answer_follows_any_motion_of_the_target() -> None:
+    pairs, other = (made_up_pairs(3, 200, generator=seeded(k)) for k in (1, 2))
+    method, A = make_method().double(), random_poses(3, generator=seeded(3))
+    source, target = pairs.source.double(), other.target.double()  # no copies: nothing is exact
+    answer = method.register(source, target, generator=seeded(0))
+    moved = method.register(source, transform(A, target), generator=seeded(0))
+    torch.testing.assert_close(moved, A @ answer, atol=1e-6, rtol=0)
+
+
+def test_there_and_back_are_compared_with_the_truth() -> None:
+    pairs = made_up_pairs(3, 100, generator=seeded(0))
+    method = make_method()
+    assert sum(method.loss(pairs, generator=seeded(0)).values()) < 1e-5
+    wrong = Pairs(
+        pairs.source, pairs.target, invert(pairs.T_target_source), pairs.item, pairs.group
+    )
+    terms = method.loss(wrong, generator=seeded(0))
+    T = pairs.T_target_source
+    eye = torch.eye(4, dtype=torch.float64)
+    there = (T @ T - eye).square().mean().item()
+    back = (invert(T) @ invert(T) - eye).square().mean().item()
+    assert terms["there"].item() == pytest.approx(there, abs=1e-3)
+    assert terms["back"].item() == pytest.approx(back, abs=1e-3)
