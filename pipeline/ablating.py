@@ -14,7 +14,7 @@ Answers = Mapping[str, Mapping[str, Estimates]]
 
 
 def ablate_steps(params: Params, pairs: Path, models: Path) -> tuple[Pairs, Answers]:
-    """Table 7: the steps of the walk back, of one training, for every learned method.
+    """Table 7: the steps of the walk back, of one training, for each method that walks.
 
     The steps that params.yaml samples with are always among them.
     """
@@ -25,12 +25,12 @@ def ablate_steps(params: Params, pairs: Path, models: Path) -> tuple[Pairs, Answ
         name: {
             setting: answer(
                 params,
-                load_learned(name, params.methods, walk, models / f"{name}.safetensors"),
+                load_learned(name, "paper", params.methods, walk, models / f"{name}.safetensors"),
                 test,
             )
             for setting, walk in walks.items()
         }
-        for name in params.run.learned
+        for name in params.ablation.methods
     }
     return test, answers
 

@@ -7,9 +7,11 @@ from pcrdiff.evaluation import Estimates, evaluate
 from pcrdiff.metrics import error_r_deg, error_t
 from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.artifacts import read_pairs, read_weights
-from pipeline.building import build_classical, build_learned
-from pipeline.params import Diffusion, Methods, Params
+from pipeline.building import build_classical, build_learned, settings_of
+from pipeline.method_params import Methods
+from pipeline.params import Diffusion, Params
 from pipeline.progress import bar
+from pipeline.sections import SettingName
 from pipeline.seeding import stream
 
 
@@ -25,7 +27,10 @@ def evaluate_method(
     if weights is None:
         settings = build_classical(name, params.methods, read_pairs(pairs, "train"))
     else:
-        settings = {"paper": load_learned(name, params.methods, params.diffusion, weights)}
+        settings = {
+            setting: load_learned(name, setting, params.methods, params.diffusion, weights)
+            for setting in settings_of(name, params.methods)
+        }
     test = read_pairs(pairs, "test")
     return test, {setting: answer(params, method, test) for setting, method in settings.items()}
 
@@ -35,13 +40,15 @@ def answer(params: Params, method: Method, test: Pairs) -> Estimates:
     return evaluate(method, test, seed=stream(params.seed, "evaluate"), progress=bar)
 
 
-def load_learned(name: str, methods: Methods, diffusion: Diffusion, weights: Path) -> LearnedMethod:
-    """A trained method.
+def load_learned(
+    name: str, setting: SettingName, methods: Methods, diffusion: Diffusion, weights: Path
+) -> LearnedMethod:
+    """A trained method, in one setting of the tables.
 
     Raises:
         FileNotFoundError, ValueError: The weights are not there, or are those of another network.
     """
-    method = build_learned(name, methods, diffusion)
+    method = build_learned(name, setting, methods, diffusion)
     try:
         method.load_state_dict(read_weights(weights, name))
     except RuntimeError as error:

@@ -15,7 +15,7 @@ Figure = dict[str, Any]
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"  # Okabe and Ito
 GREY, INK, GRID = "#7A7A7A", "#1D2733", "#E4E8EC"
 KINDS = {"floor": GREY, "classical": ORANGE, "learned": BLUE}
-CYCLE = (BLUE, RED, GREEN, "#CC79A7", ORANGE, "#56B4E9", "#000000", "#B8A800")
+CYCLE = (BLUE, RED, GREEN, "#CC79A7", ORANGE, "#56B4E9", "#000000", "#B8A800", "#882255", "#6E4B9B")
 SMALLEST = {"error_r_deg": 1e-3, "error_t": 1e-5}
 """Nothing is drawn smaller than this on a logarithmic axis: it sits there, as a triangle."""
 FONT = {"family": "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif", "size": 12}

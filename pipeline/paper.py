@@ -22,13 +22,20 @@ METHODS = {  # the order of the rows; a method that is not here follows under it
     "constant": Shown("Constant (mean pose)", "floor"),
     "icp_centroid": Shown("ICP from the centroids", "floor"),
     "icp": Shown("ICP", "classical"),
+    "trimmed_icp": Shown("Trimmed ICP", "classical"),
+    "gicp": Shown("Generalized ICP", "classical"),
+    "fgr": Shown("FGR", "classical"),
+    "ransac_fpfh": Shown("RANSAC on FPFH", "classical"),
+    "small_gicp": Shown("small_gicp", "classical"),
+    "kiss_matcher": Shown("KISS-Matcher", "classical"),
     "pointnetlk": Shown("PointNetLK", "learned"),
     "pcrnet": Shown("PCRNet", "learned"),
     "deepgmr": Shown("DeepGMR", "learned"),
-    "fgr": Shown("FGR", "classical"),
-    "dcp": Shown("DCP", "learned"),
+    "dcp_v1": Shown("DCP v1", "learned"),
+    "dcp_v2": Shown("DCP v2", "learned"),
     "fmr": Shown("FMR", "learned"),
     "rpmnet": Shown("RPMNet", "learned"),
+    "egst": Shown("EGST", "learned"),
     "pcrdiffusion_cf": Shown("PCRDiffusion CF", "learned"),
     "pcrdiffusion_cb": Shown("PCRDiffusion CB", "learned"),
 }
@@ -81,7 +88,7 @@ _MAIN = {
         pcrnet          19.8457 0.2288 10.2498 0.1168 19.0487 0.2442
         deepgmr         34.1993 0.4495 23.5162 0.3291 45.7786 0.6758
         fgr              9.5964 0.1186  1.9971 0.0268  4.3337 0.0582
-        dcp             15.7183 0.2002 10.7846 0.1340 20.8744 0.2740
+        dcp_v2          15.7183 0.2002 10.7846 0.1340 20.8744 0.2740
         fmr              6.8525 0.5851  1.5962 0.4886  3.8090 0.9751
         rpmnet           8.0357 0.0841  1.4399 0.0170  2.9619 0.0357
         pcrdiffusion_cf  3.3737 0.0460  1.6861 0.0216  3.2786 0.0448
@@ -93,7 +100,7 @@ _MAIN = {
         pcrnet          22.0931 0.2943 15.4301 0.1946 29.3938 0.3978
         deepgmr         35.2986 0.4520 22.6519 0.3314 43.7901 0.6816
         fgr             10.6061 0.1214  2.3841 0.0312  5.2151 0.0672
-        dcp             21.4669 0.3194 15.2743 0.2357 29.3084 0.4834
+        dcp_v2          21.4669 0.3194 15.2743 0.2357 29.3084 0.4834
         fmr              7.5793 0.5667  1.8031 0.4750  4.4476 0.9434
         rpmnet           5.3739 0.0736  1.1452 0.0144  2.5072 0.0316
         pcrdiffusion_cf  3.1880 0.0447  1.6887 0.0216  3.1686 0.0446
@@ -105,7 +112,7 @@ _MAIN = {
         pcrnet          25.9025 0.3257 14.9771 0.1987 31.5003 0.4115
         deepgmr         34.0033 0.4573 23.4370 0.3364 45.1482 0.6922
         fgr             12.2387 0.1278  3.1348 0.0387  6.6048 0.0822
-        dcp             22.2084 0.3312 16.5101 0.2464 31.3406 0.5000
+        dcp_v2          22.2084 0.3312 16.5101 0.2464 31.3406 0.5000
         fmr              7.6332 0.5797  2.2957 0.4844  5.1395 0.9651
         rpmnet           9.4977 0.0884  2.7392 0.0310  5.9164 0.0673
         pcrdiffusion_cf  3.2549 0.0462  1.6707 0.0220  3.2145 0.0456
@@ -117,7 +124,7 @@ _MAIN = {
         pcrnet          21.7402 0.2902 14.2114 0.1990 28.2444 0.4061
         deepgmr         34.6393 0.4706 24.7054 0.3465 47.8755 0.7078
         fgr             22.7562 0.2641  8.9966 0.1110 17.2071 0.2289
-        dcp             24.0230 0.3686 17.8908 0.2772 34.1244 0.5633
+        dcp_v2          24.0230 0.3686 17.8908 0.2772 34.1244 0.5633
         fmr             15.5280 0.5772  9.5682 0.4777 19.0777 0.9595
         rpmnet          11.0629 0.1912  5.7625 0.1229 11.7768 0.2598
         pcrdiffusion_cb  3.8197 0.0862  2.5673 0.0598  4.7319 0.1250
@@ -129,7 +136,7 @@ _MAIN = {
         pcrnet          33.0369  6.8900 22.3317 5.4069 39.5509 10.7703
         deepgmr         46.6050  0.4386 25.8622 0.2657 44.0679  0.5785
         fgr             13.9026  1.3483  1.7946 0.1454  3.2000  0.3053
-        dcp             18.1473 10.7517 12.8834 7.4273 22.4225 16.3362
+        dcp_v2          18.1473 10.7517 12.8834 7.4273 22.4225 16.3362
         fmr              7.5326  0.7692  1.4277 0.5663  2.2495  1.1334
         rpmnet          35.9824  0.7544 19.4641 0.3966 34.4617  0.8745
         pcrdiffusion_cb  0.6281  0.0209  0.3556 0.0129  0.8237  0.0282
@@ -140,7 +147,7 @@ _MAIN = {
         pcrnet          32.5824 1.3655 25.3004 1.0562 49.4726 2.1123
         deepgmr         38.3840 1.2166 26.2025 0.8146 48.0517 1.6224
         fgr              1.5866 0.0810  0.2477 0.0099  0.4764 0.0200
-        dcp             29.7272 1.2919 23.0550 0.9689 44.0671 1.9137
+        dcp_v2          29.7272 1.2919 23.0550 0.9689 44.0671 1.9137
         fmr              3.3293 0.5690  0.6072 0.4712  1.0811 0.9423
         rpmnet          21.1454 0.4963  8.3353 0.2179 15.5514 0.4395
         pcrdiffusion_cb  0.1522 0.0061  0.1123 0.0040  0.2109 0.0081
@@ -171,7 +178,7 @@ _ABLATED = {
 }
 # Table 6; its accuracy columns repeat Table 1 (a). CF is printed as "< 1e-10": a bound.
 _SECONDS = """
-    icp 0.0042 pointnetlk 0.7111 pcrnet 1.2318 deepgmr 0.1053 fgr 0.0916 dcp 0.2819
+    icp 0.0042 pointnetlk 0.7111 pcrnet 1.2318 deepgmr 0.1053 fgr 0.0916 dcp_v2 0.2819
     fmr 1.0472 rpmnet 0.1626 pcrdiffusion_cf 1e-10 pcrdiffusion_cb 0.0986
 """
 

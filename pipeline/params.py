@@ -6,27 +6,17 @@ from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-Fraction = Annotated[float, Field(ge=0, lt=1)]
-Positive = Annotated[float, Field(gt=0)]
-Count = Annotated[int, Field(ge=1)]
-SettingName = Literal["paper", "official"]
-"""The paper's iteration counts, or the authors' own settings."""
-
-
-class Section(BaseModel):
-    """A part of params.yaml; an unknown, missing or ill-typed key is refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+from pipeline.method_params import Methods
+from pipeline.sections import Count, Fraction, Normals, Positive, Section
 
 
 class Run(Section):
-    """What is run on what: the rows and columns of dvc.yaml's matrices."""
+    """Which scenarios there are, and what is run on each of them without training."""
 
     scenarios: list[str]
     classical: list[str]
-    learned: list[str]
     report: Literal["results", "real"]
     """Name of the tables under ``reports/``."""
 
@@ -101,6 +91,8 @@ class Scenario(Section):
     jitter_deviation: Annotated[float, Field(ge=0)]
     jitter_clip: Annotated[float, Field(ge=0)]
     keep: Annotated[float, Field(gt=0, le=1)]
+    normals: Normals
+    """``given`` keeps the data set's own in the pair file, for methods that are told to use them."""
 
     @property
     def max_rotation(self) -> float:
@@ -122,56 +114,8 @@ class Diffusion(Section):
         return self
 
 
-class NoSetting(Section):
-    """Of a method that has nothing to set."""
-
-
-class ICPSetting(Section):
-    """One setting of ICP."""
-
-    max_iterations: Count
-    max_distance: Positive
-
-
-class FGRSetting(Section):
-    """One setting of FGR; lengths in the clouds' unit."""
-
-    iterations: Count
-    max_distance: Positive
-    feature_radius: Positive
-    feature_neighbours: Count
-    normal_radius: Positive
-
-
-class CorrespondenceFree(Section):
-    """The size of PCRDiffusion CF."""
-
-    feature_dim: Count
-
-
-class CorrespondenceBased(Section):
-    """The encoder and decoder of PCRDiffusion CB; ``radius`` in the clouds' unit."""
-
-    feature_dim: Annotated[int, Field(ge=4, multiple_of=4)]
-    neighbours: Count
-    radius: Positive
-    sinkhorn_iterations: Count
-
-
-class Methods(Section):
-    """Per method its settings, by the name that the tables give them, or its architecture."""
-
-    identity: dict[SettingName, NoSetting]
-    constant: dict[SettingName, NoSetting]
-    icp_centroid: dict[SettingName, ICPSetting]
-    icp: dict[SettingName, ICPSetting]
-    fgr: dict[SettingName, FGRSetting]
-    pcrdiffusion_cf: CorrespondenceFree
-    pcrdiffusion_cb: CorrespondenceBased
-
-
 class Optimisation(Section):
-    """How a method is trained; for how long is in ``epochs``."""
+    """How a method is trained; for how long is in ``trainings``."""
 
     batch_size: Count
     learning_rate: Positive
@@ -184,14 +128,31 @@ class Train(Section):
     """Training, one section per learned method."""
 
     poses: Literal["fixed", "fresh"]
+    pointnetlk: Optimisation
+    pcrnet: Optimisation
+    deepgmr: Optimisation
+    dcp_v1: Optimisation
+    dcp_v2: Optimisation
+    fmr: Optimisation
+    rpmnet: Optimisation
+    egst: Optimisation
     pcrdiffusion_cf: Optimisation
     pcrdiffusion_cb: Optimisation
 
 
-class Ablation(Section):
-    """What the ablations vary."""
+class Training(Section):
+    """One learned method on one scenario; its key is ``<scenario>-<method>``."""
 
     scenario: str
+    method: str
+    epochs: Count
+
+
+class Ablation(Section):
+    """What the ablations vary, and of which methods on which scenario."""
+
+    scenario: str
+    methods: list[str]
     steps: list[Count]
 
 
@@ -207,20 +168,48 @@ class Params(Section):
     diffusion: Diffusion
     methods: Methods
     train: Train
-    epochs: dict[str, dict[str, Count]]
+    trainings: dict[str, Training]
     ablation: Ablation
 
     @model_validator(mode="after")
     def _names_agree(self) -> "Params":
         _same("run.scenarios", self.run.scenarios, "scenarios", list(self.scenarios))
-        _same("epochs", list(self.epochs), "scenarios", list(self.scenarios))
         for name, scenario in self.scenarios.items():
             if scenario.dataset not in self.acquire:
                 raise ValueError(f"scenarios.{name}.dataset {scenario.dataset!r} is not in acquire")
-            _same(f"epochs.{name}", list(self.epochs[name]), "run.learned", self.run.learned)
+        for name, training in self.trainings.items():
+            self._check_training(name, training)
         if self.ablation.scenario not in self.scenarios:
             raise ValueError(f"ablation.scenario {self.ablation.scenario!r} is not in scenarios")
+        for method in self.ablation.methods:
+            if f"{self.ablation.scenario}-{method}" not in self.trainings:
+                raise ValueError(f"ablation.methods has {method!r}, which trainings has not")
         return self
+
+    def _check_training(self, name: str, training: Training) -> None:
+        if training.scenario not in self.scenarios:
+            raise ValueError(f"trainings.{name}.scenario {training.scenario!r} is not in scenarios")
+        learned = sorted(set(Train.model_fields) - {"poses"})
+        if training.method not in learned:
+            raise ValueError(f"trainings.{name}.method needs one of {learned}")
+        if name != f"{training.scenario}-{training.method}":
+            needed = f"{training.scenario}-{training.method}"
+            raise ValueError(f"trainings.{name} needs the key {needed!r}, that of its training")
+        network = getattr(self.methods, training.method).network
+        kept = self.scenarios[training.scenario].normals
+        if getattr(network, "normals", kept) == "given" != kept:
+            raise ValueError(
+                f"methods.{training.method}.network.normals is given, which needs "
+                f"scenarios.{training.scenario}.normals to be given, got {kept}"
+            )
+
+    def training(self, scenario: str, method: str) -> Training:
+        """The training of a method on a scenario.
+
+        Raises:
+            ValueError: There is none.
+        """
+        return pick(self.trainings, f"{scenario}-{method}", "trainings")
 
 
 def _same(a_name: str, a: Sequence[str], b_name: str, b: Sequence[str]) -> None:

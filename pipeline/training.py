@@ -10,7 +10,7 @@ from torch import Tensor
 
 from pcrdiff.training import Budget, Checkpoint, Epoch, FreshPoses, Trainer, train
 from pipeline.artifacts import read_pairs
-from pipeline.building import build_learned
+from pipeline.building import build_untrained
 from pipeline.params import Params
 from pipeline.progress import bar
 from pipeline.seeding import stream
@@ -52,12 +52,12 @@ def training_params(params: Params, scenario: str, method: str) -> dict[str, Any
         "threads": params.threads,
         "scenario": scenario,
         "method": method,
-        "epochs": params.epochs[scenario][method],
+        "epochs": params.training(scenario, method).epochs,
         "poses": params.train.poses,
         "max_rotation_deg": params.scenarios[scenario].max_rotation_deg,
         "max_translation": params.scenarios[scenario].max_translation,
         "timesteps": params.diffusion.timesteps,
-        "architecture": params.methods.model_dump().get(method, {}),
+        "network": getattr(params.methods, method).network.model_dump(),
         **getattr(params.train, method).model_dump(),
     }
 
@@ -73,10 +73,10 @@ def train_method(
     """
     torch.manual_seed(stream(params.seed, f"init/{scenario}/{method}"))
     walk = params.diffusion.model_copy(update=VALIDATION_WALK)
-    network = build_learned(method, params.methods, walk)
+    network = build_untrained(method, params.methods, walk)
     data, val = read_pairs(pairs, "train"), read_pairs(pairs, "val")
     settings = getattr(params.train, method)
-    budget = Budget(params.epochs[scenario][method], **settings.model_dump())
+    budget = Budget(params.training(scenario, method).epochs, **settings.model_dump())
     made = params.scenarios[scenario]
     fresh = FreshPoses(made.max_rotation, made.max_translation)
     trainer = Trainer(

@@ -6,7 +6,7 @@ from pathlib import Path
 from pipeline.artifacts import write_curve, write_json, write_weights
 from pipeline.checkpoints import open_checkpoint
 from pipeline.machine import settle
-from pipeline.params import pick, read_params
+from pipeline.params import read_params
 from pipeline.stage import run
 from pipeline.tracking import journal
 from pipeline.training import CODE, train_method, training_params
@@ -23,7 +23,6 @@ def main(argv: list[str] | None = None) -> None:
 
     params = read_params()
     settle(params.threads)
-    pick(params.epochs, args.scenario, "epochs")
     told = training_params(params, args.scenario, args.method)
     with (
         journal(params=told, inputs=[args.pairs]) as notes,

@@ -22,7 +22,7 @@ class Instance:
     """Its name in dvc.yaml, without what comes after ``@``."""
     name: str
     item: Mapping[str, Any]
-    """What a matrix varies, empty elsewhere."""
+    """What a matrix varies, or what a foreach goes over; empty elsewhere."""
     content: Mapping[str, Any]
     """Its ``cmd``, ``params``, ``deps``, ``outs``, ``metrics`` and ``plots``."""
 
@@ -81,7 +81,7 @@ def _instances(
 ) -> Iterator[tuple[str, Mapping[str, Any], Mapping[str, Any], Mapping[str, Any]]]:
     if "foreach" in stage:
         for key, item in _fill(stage["foreach"], params).items():
-            yield f"{template}@{key}", {}, stage["do"], {**params, "key": key, "item": item}
+            yield f"{template}@{key}", item, stage["do"], {**params, "key": key, "item": item}
     elif "matrix" in stage:
         axes = {name: _fill(values, params) for name, values in stage["matrix"].items()}
         body = {name: value for name, value in stage.items() if name != "matrix"}

@@ -1,9 +1,11 @@
 """Params that remember which of their keys were read."""
 
 from collections.abc import ItemsView, Iterator, KeysView, ValuesView
+from functools import partial
+from inspect import isfunction
 from typing import Any
 
-from pipeline.params import Section
+from pipeline.sections import Section
 
 Reads = set[str]
 
@@ -31,6 +33,8 @@ class RecordingSection:
         declared = getattr(type(self._section), name, None)
         if isinstance(declared, property) and declared.fget is not None:
             return declared.fget(self)
+        if isfunction(declared):
+            return partial(declared, self)
         value = getattr(self._section, name)
         return value if name in self._replaced else recorded(value, self._key(name), self._reads)
 

@@ -31,6 +31,8 @@ GLUE = {
     "pipeline.checkpoints": "keeps what a training gives it, and gives it back",
     "pipeline.invocation": "finds the project and names the run",
     "pipeline.mlflow_sync": "copies journals into MLflow after the report is written",
+    "pipeline.method_params": "the part of pipeline.params that is about methods",
+    "pipeline.sections": "what pipeline.params is made of",
     "pipeline.params": "hands over params.yaml, whose keys DVC watches by themselves",
     "pipeline.progress": "draws bars",
     "pipeline.records": "reads journals for MLflow",
@@ -64,7 +66,7 @@ def methods_of(instance: Instance) -> list[str]:
     """The methods that an instance builds."""
     if "method" in instance.item:
         return [instance.item["method"]]
-    return list(read_repository_params()["run"]["learned"])
+    return list(read_repository_params()["ablation"]["methods"])
 
 
 def imported_modules(instance: Instance) -> set[str]:

@@ -36,8 +36,11 @@ def tiny_params() -> dict[str, Any]:
     scenario["split"]["val_fraction"] = 0.34
     params |= {"threads": 1, "scenarios": {SCENARIO: scenario}}
     params["run"]["scenarios"] = [SCENARIO]
-    params["epochs"] = {SCENARIO: dict.fromkeys(params["run"]["learned"], 3)}
-    params["ablation"] = {"scenario": SCENARIO, "steps": [1, 2]}
+    params["trainings"] = {
+        f"{SCENARIO}-{method}": {"scenario": SCENARIO, "method": method, "epochs": 3}
+        for method in (CF, CB)
+    }
+    params["ablation"] = {"scenario": SCENARIO, "methods": [CF, CB], "steps": [1, 2]}
     acquire = params["acquire"]
     acquire["modelnet40"] |= {"source": "local", "root": "boxes", "synthetic": None}
     acquire["3dmatch"]["synthetic"] = {
@@ -47,8 +50,12 @@ def tiny_params() -> dict[str, Any]:
     }
     acquire["kitti"]["synthetic"] = {"sequences": 1, "scans_per_sequence": 1}
     params["diffusion"]["timesteps"] = 20
-    params["methods"][CF]["feature_dim"] = 16
-    params["methods"][CB] |= {"feature_dim": 8, "neighbours": 4, "sinkhorn_iterations": 2}
+    params["methods"][CF]["network"]["feature_dim"] = 16
+    params["methods"][CB]["network"] |= {
+        "feature_dim": 8,
+        "neighbours": 4,
+        "sinkhorn_iterations": 2,
+    }
     for method in (CF, CB):
         params["train"][method] |= {"batch_size": 4, "validate_every": 1}
     return params

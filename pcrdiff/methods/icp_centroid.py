@@ -5,8 +5,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.classical import cloud, icp
-from pcrdiff.geometry.rigid import from_parts
+from pcrdiff.classical import centroid_shift, cloud, icp
 from pcrdiff.registration import check_clouds
 
 
@@ -29,10 +28,8 @@ class ICPCentroid:
         """Refine the shift that lays the source's centroid on the target's."""
         del generator
         check_clouds(self.name, source, target)
-        shift = (target.mean(dim=-2) - source.mean(dim=-2)).double()
-        T_start = from_parts(torch.eye(3).to(shift).repeat(len(shift), 1, 1), shift).numpy()
         poses = [
             icp(cloud(p), cloud(q), T, self.max_iterations, self.max_distance)
-            for p, q, T in zip(source, target, T_start, strict=True)
+            for p, q, T in zip(source, target, centroid_shift(source, target), strict=True)
         ]
         return torch.from_numpy(np.stack(poses))

@@ -37,7 +37,7 @@ def test_the_steps_of_the_evaluation_give_the_evaluation_s_answers(project: Path
 
 
 def test_the_steps_of_the_evaluation_are_always_among_them(project: Path) -> None:
-    ablation = Ablation(scenario=SCENARIO, steps=[5, 2, 5])
+    ablation = Ablation(scenario=SCENARIO, methods=[CF, CB], steps=[5, 2, 5])
     params = read_params().model_copy(update={"ablation": ablation})
     _, answers = ablate_steps(params, project / PAIRS, MODELS)
     assert list(answers[CF]) == ["steps=1", "steps=2", "steps=5"]

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from pcrdiff.registration import LearnedMethod, Method
-from pipeline.building import build_classical, build_learned
+from pipeline.building import DIFFUSED, LEARNED, build_classical, build_learned, settings_of
 from pipeline.params import Params, read_params
 from tests.pipeline.test_artifacts import made_up_pairs
 
@@ -25,10 +25,16 @@ def test_every_classical_method_is_built_once_per_setting(params: Params) -> Non
 
 
 def test_every_learned_method_is_built(params: Params) -> None:
-    for name in params.run.learned:
-        method = build_learned(name, params.methods, params.diffusion)
-        assert isinstance(method, LearnedMethod)
-        assert method.name == name
+    for name in LEARNED:
+        assert "paper" in settings_of(name, params.methods)
+        for setting in settings_of(name, params.methods):
+            method = build_learned(name, setting, params.methods, params.diffusion)
+            assert isinstance(method, LearnedMethod)
+            assert method.name == name
+
+
+def test_every_learned_method_is_trained_somewhere(params: Params) -> None:
+    assert {training.method for training in params.trainings.values()} == LEARNED.keys()
 
 
 def test_the_settings_reach_the_methods(params: Params) -> None:
@@ -39,8 +45,8 @@ def test_the_settings_reach_the_methods(params: Params) -> None:
 
 def test_the_walk_reaches_the_learned_methods(params: Params) -> None:
     diffusion = params.diffusion.model_copy(update={"steps": 4, "sampler": "ddim"})
-    for name in params.run.learned:
-        walk = vars(build_learned(name, params.methods, diffusion))["walk"]
+    for name in DIFFUSED:
+        walk = vars(build_learned(name, "paper", params.methods, diffusion))["walk"]
         assert (walk.timesteps, walk.steps, walk.sampler) == (1000, 4, "ddim")
 
 
@@ -55,7 +61,7 @@ def test_fresh_weights_depend_on_torch_s_own_generator_alone(params: Params) -> 
     weights = []
     for seed in (1, 1, 2):
         torch.manual_seed(seed)
-        method = build_learned("pcrdiffusion_cf", params.methods, params.diffusion)
+        method = build_learned("pcrdiffusion_cf", "paper", params.methods, params.diffusion)
         weights.append(torch.cat([value.flatten() for value in method.parameters()]))
     assert torch.equal(weights[0], weights[1])
     assert not torch.equal(weights[0], weights[2])
@@ -63,6 +69,6 @@ def test_fresh_weights_depend_on_torch_s_own_generator_alone(params: Params) -> 
 
 def test_refuses_a_name_that_no_method_has(params: Params) -> None:
     with pytest.raises(ValueError, match="no learned method is called 'icp'"):
-        build_learned("icp", params.methods, params.diffusion)
+        build_learned("icp", "paper", params.methods, params.diffusion)
     with pytest.raises(ValueError, match="no classical method is called 'pcrdiffusion_cf'"):
         build_classical("pcrdiffusion_cf", params.methods, made_up_pairs())

@@ -112,11 +112,11 @@ def test_a_constant_is_taken_from_the_training_pairs_and_not_from_the_test_pairs
 
 def test_refuses_weights_of_another_size_and_names_the_file(project: Path) -> None:
     params = tiny_params()
-    params["methods"][CF]["feature_dim"] = 32
+    params["methods"][CF]["network"]["feature_dim"] = 32
     write_params(params)
     read = read_params()
     with pytest.raises(ValueError, match=rf"{WEIGHTS} does not fit {CF} as params\.yaml has it"):
-        load_learned(CF, read.methods, read.diffusion, WEIGHTS)
+        load_learned(CF, "paper", read.methods, read.diffusion, WEIGHTS)
     assert project.is_dir()
 
 
@@ -124,4 +124,4 @@ def test_refuses_weights_that_lack_a_tensor(project: Path) -> None:
     write_weights(project / "a.safetensors", {"b": torch.ones(1)}, {"method": CF})
     params = read_params()
     with pytest.raises(ValueError, match=rf"a\.safetensors does not fit {CF}"):
-        load_learned(CF, params.methods, params.diffusion, project / "a.safetensors")
+        load_learned(CF, "paper", params.methods, params.diffusion, project / "a.safetensors")

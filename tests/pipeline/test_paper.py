@@ -20,7 +20,8 @@ from pipeline.paper import (
 )
 
 PAPER = Path(__file__).parents[3] / "shared" / "paper"
-NAMES = {"PCRDiffusion Correspondence-Free": "pcrdiffusion_cf", "PCRDiffusion": "pcrdiffusion_cb",
+NAMES = {"DCP": "dcp_v2",
+         "PCRDiffusion Correspondence-Free": "pcrdiffusion_cf", "PCRDiffusion": "pcrdiffusion_cb",
          "PCRDiffusion Correspondence-Based": "pcrdiffusion_cb",
          "PCRDiffusion (CF)": "pcrdiffusion_cf", "PCRDiffusion (CB)": "pcrdiffusion_cb",
          **{entry.name: method for method, entry in METHODS.items()}}  # fmt: skip

@@ -53,8 +53,8 @@ WRONG: dict[str, tuple[Change, str]] = {
         "seed: Input should be a valid integer, got '7'"),
     "a fraction for a count": (lambda p: p["scenarios"]["kitti"].update(num_points=1.5),
         "scenarios.kitti.num_points: Input should be a valid integer"),
-    "a count of none": (lambda p: p["epochs"]["kitti"].update(pcrdiffusion_cf=0),
-        "epochs.kitti.pcrdiffusion_cf: Input should be greater than or equal to 1, got 0"),
+    "a count of none": (lambda p: p["trainings"]["kitti-pcrdiffusion_cf"].update(epochs=0),
+        "trainings.kitti-pcrdiffusion_cf.epochs: Input should be greater than or equal to 1, got 0"),
     "an unknown sampler": (lambda p: p["diffusion"].update(sampler="euler"),
         "diffusion.sampler: Input should be 'ddpm' or 'ddim', got 'euler'"),
     "no number": (lambda p: p["scenarios"]["kitti"].update(max_translation=float("nan")),
@@ -79,10 +79,18 @@ WRONG: dict[str, tuple[Change, str]] = {
         "scenarios.kitti.dataset 'waymo' is not in acquire"),
     "a scenario that is not there": (lambda p: p["run"]["scenarios"].append("waymo"),
         "run.scenarios needs the same names as scenarios: {'waymo'} differ"),
-    "a scenario without epochs": (lambda p: p["epochs"].pop("kitti"),
-        "epochs needs the same names as scenarios: {'kitti'} differ"),
-    "a method without epochs": (lambda p: p["epochs"]["kitti"].pop("pcrdiffusion_cb"),
-        "epochs.kitti needs the same names as run.learned: {'pcrdiffusion_cb'} differ"),
+    "a training on what is not there": (
+        lambda p: p["trainings"]["kitti-pcrdiffusion_cf"].update(scenario="waymo"),
+        "trainings.kitti-pcrdiffusion_cf.scenario 'waymo' is not in scenarios"),
+    "a training of what learns nothing": (
+        lambda p: p["trainings"]["kitti-pcrdiffusion_cf"].update(method="icp"),
+        "trainings.kitti-pcrdiffusion_cf.method needs one of ["),
+    "a training under another's name": (
+        lambda p: p["trainings"].update(mine=p["trainings"]["kitti-pcrdiffusion_cf"]),
+        "trainings.mine needs the key 'kitti-pcrdiffusion_cf'"),
+    "an ablation of what is not trained": (
+        lambda p: p["ablation"]["methods"].append("dcp"),
+        "ablation.methods has 'dcp', which trainings has not"),
     "an ablation of nothing": (lambda p: p["ablation"].update(scenario="waymo"),
         "ablation.scenario 'waymo' is not in scenarios"),
     "an unknown setting": (lambda p: p["methods"]["icp"].update(mine=p["methods"]["icp"]["paper"]),

@@ -57,10 +57,10 @@ def test_the_facts_tell_how_much_training_it_was(method: str) -> None:
 
 
 def is_buffer(name: str, method: str) -> bool:
-    from pipeline.building import build_learned
+    from pipeline.building import build_untrained
 
     params = read_params()
-    buffers = build_learned(method, params.methods, params.diffusion).named_buffers()
+    buffers = build_untrained(method, params.methods, params.diffusion).named_buffers()
     return name in dict(buffers)
 
 
@@ -95,6 +95,8 @@ def test_a_checkpoint_is_told_every_param_that_dvc_watches() -> None:
     params = read_params()
     told = training_params(params, SCENARIO, CF)
     made = params.scenarios[SCENARIO]
+    wider = params.methods.pcrdiffusion_cf.network.model_copy(update={"feature_dim": 32})
+    longer = params.training(SCENARIO, CF).model_copy(update={"epochs": 4})
     others = {
         "seed": params.model_copy(update={"seed": 8}),
         "threads": params.model_copy(update={"threads": 2}),
@@ -103,13 +105,13 @@ def test_a_checkpoint_is_told_every_param_that_dvc_watches() -> None:
         "train.${item.method}": changed(
             params, "train", **{CF: params.train.pcrdiffusion_cf.model_copy(update={"patience": 9})}
         ),
-        "methods.${item.method}": changed(
+        "methods.${item.method}.network": changed(
             params,
             "methods",
-            **{CF: params.methods.pcrdiffusion_cf.model_copy(update={"feature_dim": 32})},
+            **{CF: params.methods.pcrdiffusion_cf.model_copy(update={"network": wider})},
         ),
-        "epochs.${item.scenario}.${item.method}": params.model_copy(
-            update={"epochs": {SCENARIO: {CF: 4, CB: 3}}}
+        "trainings.${key}.epochs": params.model_copy(
+            update={"trainings": {f"{SCENARIO}-{CF}": longer}}
         ),
         "scenarios.${item.scenario}.max_rotation_deg": params.model_copy(
             update={"scenarios": {SCENARIO: made.model_copy(update={"max_rotation_deg": 10.0})}}
@@ -118,14 +120,14 @@ def test_a_checkpoint_is_told_every_param_that_dvc_watches() -> None:
             update={"scenarios": {SCENARIO: made.model_copy(update={"max_translation": 0.1})}}
         ),
     }
-    assert others.keys() == set(read_templates()["train"]["params"])
+    assert others.keys() == set(read_templates()["train"]["do"]["params"])
     unseen = [key for key, other in others.items() if training_params(other, SCENARIO, CF) == told]
     assert unseen == []
 
 
 def test_a_checkpoint_is_told_all_code_that_a_training_runs() -> None:
     """Of the deps of dvc.yaml only what cannot touch a half-done training is left out."""
-    deps = [Path(dep) for dep in read_templates()["train"]["deps"] if "${" not in dep]
+    deps = [Path(dep) for dep in read_templates()["train"]["do"]["deps"] if "${" not in dep]
     left_out = [d.as_posix() for d in deps if not any(d.is_relative_to(code) for code in CODE)]
     assert left_out == [
         "stages/train.py",  # writes when all is done
