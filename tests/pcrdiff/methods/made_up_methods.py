@@ -72,12 +72,14 @@ CLASSICAL: dict[str, Callable[[], Method]] = {
     "fgr": make_fgr,
 }
 LEARNED: dict[str, Callable[[], LearnedMethod]] = {
-    "pointnetlk": lambda: PointNetLK(feature_dim=64, train_updates=2, updates=3),
+    "pointnetlk": lambda: PointNetLK(feature_dim=64, difference=0.1, train_updates=2, updates=3),
     "pcrnet": lambda: PCRNet(feature_dim=32, train_updates=2, probes=16, updates=3),
     "deepgmr": lambda: DeepGMR(neighbours=6, feature_dim=32, components=6),
     "dcp_v1": lambda: DCPv1(feature_dim=16, neighbours=6),
     "dcp_v2": lambda: DCPv2(feature_dim=16, neighbours=6),
-    "fmr": lambda: FMR(feature_dim=64, decoded_points=20, train_updates=2, updates=3),
+    "fmr": lambda: FMR(
+        feature_dim=64, decoded_points=20, difference=0.1, train_updates=2, updates=3
+    ),
     "rpmnet": lambda: make_matching(RPMNet),
     "egst": lambda: make_matching(EGST),
     "pcrdiffusion_cf": make_cf,
