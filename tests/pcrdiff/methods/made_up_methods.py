@@ -1,6 +1,7 @@
 """One small copy of every method, and clouds that each of them can read."""
 
 from collections.abc import Callable
+from typing import TypedDict
 
 import torch
 
@@ -12,18 +13,34 @@ from pcrdiff.methods.deepgmr import DeepGMR
 from pcrdiff.methods.egst import EGST
 from pcrdiff.methods.fgr import FGR
 from pcrdiff.methods.fmr import FMR
+from pcrdiff.methods.gicp import GICP
 from pcrdiff.methods.icp import ICP
 from pcrdiff.methods.icp_centroid import ICPCentroid
 from pcrdiff.methods.identity import Identity
+from pcrdiff.methods.kiss_matcher import KISSMatcher
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.methods.pcrnet import PCRNet
 from pcrdiff.methods.pointnetlk import PointNetLK
+from pcrdiff.methods.ransac_fpfh import RansacFPFH
 from pcrdiff.methods.rpmnet import RPMNet
+from pcrdiff.methods.small_gicp import SmallGICP
+from pcrdiff.methods.trimmed_icp import TrimmedICP
 from pcrdiff.registration import LearnedMethod, Method
 from tests.pcrdiff.made_up_clouds import random_poses, seeded
 
 WALK = Walk(timesteps=20, steps=3, sampler="ddpm")
+
+
+class Features(TypedDict):
+    """How FPFH features are computed."""
+
+    feature_radius: float
+    feature_neighbours: int
+    normal_radius: float
+
+
+FPFH: Features = {"feature_radius": 0.3, "feature_neighbours": 128, "normal_radius": 0.2}
 
 
 def awaken(method: LearnedMethod) -> None:
@@ -48,13 +65,7 @@ def make_cb(walk: Walk = WALK) -> PCRDiffusionCB:
 
 
 def make_fgr() -> FGR:
-    return FGR(
-        iterations=64,
-        max_distance=0.01,
-        feature_radius=0.3,
-        feature_neighbours=128,
-        normal_radius=0.2,
-    )
+    return FGR(iterations=64, max_distance=0.01, **FPFH)
 
 
 def make_matching(kind: Callable[..., LearnedMethod]) -> LearnedMethod:
@@ -69,7 +80,12 @@ CLASSICAL: dict[str, Callable[[], Method]] = {
     "constant": lambda: Constant(random_poses(5, generator=seeded(0))),
     "icp_centroid": lambda: ICPCentroid(max_iterations=100, max_distance=0.5),
     "icp": lambda: ICP(max_iterations=30, max_distance=0.5),
+    "trimmed_icp": lambda: TrimmedICP(max_iterations=100),
+    "gicp": lambda: GICP(max_iterations=30, max_distance=0.5),
     "fgr": make_fgr,
+    "ransac_fpfh": lambda: RansacFPFH(max_distance=0.025, **FPFH),
+    "small_gicp": lambda: SmallGICP(max_iterations=20, max_distance=0.025, **FPFH),
+    "kiss_matcher": lambda: KISSMatcher(voxel_size=0.05, timeout=60.0),
 }
 LEARNED: dict[str, Callable[[], LearnedMethod]] = {
     "pointnetlk": lambda: PointNetLK(feature_dim=64, difference=0.1, train_updates=2, updates=3),
