@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 import yaml
 
+from pipeline.paper import METHODS, UNSEEN_OBJECTS
 from pipeline.params import read_params
 from tests.described import REPOSITORY
 
@@ -62,3 +63,42 @@ def test_a_missing_an_extra_and_a_moved_key_are_seen() -> None:
 def test_the_profiles_differ_in_more_than_their_names() -> None:
     contents = [load(profile(name)) | {"profile": ""} for name in PROFILES]
     assert all(a != b for k, a in enumerate(contents) for b in contents[k + 1 :])
+
+
+UPDATES = {
+    "icp": ("max_iterations", 10, 30),
+    "pointnetlk": ("updates", 5, 20),
+    "pcrnet": ("updates", 8, None),
+    "fgr": ("iterations", 10, 64),
+    "fmr": ("updates", 5, 10),
+    "rpmnet": ("updates", 3, 5),
+}
+"""What Table 1 prints as "# Update P", and the authors' own; None where they agree."""
+
+
+@pytest.mark.parametrize("name", [*PROFILES, "real"])
+@pytest.mark.parametrize("method", UPDATES)
+def test_the_settings_are_the_papers_counts_and_the_authors_own(name: str, method: str) -> None:
+    key, paper, official = UPDATES[method]
+    section = load(profile(name))["methods"][method]
+    settings = section.get("settings", section)
+    assert settings["paper"][key] == paper
+    assert settings.get("official", {}).get(key) == official
+
+
+def test_the_authors_own_settings_are_the_libraries_defaults() -> None:
+    from pcrdiff.classical import registration
+
+    methods = load(REPOSITORY / "params.yaml")["methods"]
+    rounds = registration.ICPConvergenceCriteria().max_iteration
+    assert methods["icp"]["official"]["max_iterations"] == rounds
+    assert methods["gicp"]["official"]["max_iterations"] == rounds
+    iterations = registration.FastGlobalRegistrationOption().iteration_number
+    assert methods["fgr"]["official"]["iterations"] == iterations
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_every_method_is_run_or_trained_on_unseen_objects(name: str) -> None:
+    params = load(profile(name))
+    trained = {t["method"] for t in params["trainings"].values() if t["scenario"] == UNSEEN_OBJECTS}
+    assert {*params["run"]["classical"], *trained} == METHODS.keys()
