@@ -1,5 +1,6 @@
 """The project's nouns: what is registered, and who registers it."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
@@ -90,13 +91,14 @@ class Method(Protocol):
         ...
 
 
-class LearnedMethod(nn.Module):
+class LearnedMethod(nn.Module, ABC):
     """A method with weights: ``training`` minimises the sum of its ``loss`` terms."""
 
     name: str
     normals: Normals = "estimated"
     """Whether its clouds come with the data set's normals; see ``Pairs.clouds``."""
 
+    @abstractmethod
     def register(
         self,
         source: Float[Tensor, "batch n channels"],
@@ -105,11 +107,10 @@ class LearnedMethod(nn.Module):
         generator: torch.Generator,
     ) -> Float[Tensor, "batch 4 4"]:
         """Estimate T_target_source; see :class:`Method`."""
-        raise NotImplementedError
 
+    @abstractmethod
     def loss(self, pairs: Pairs, *, generator: torch.Generator) -> Mapping[str, Float[Tensor, ""]]:
         """Each term of the loss by name; what is minimised is their sum."""
-        raise NotImplementedError
 
 
 def check_clouds(
