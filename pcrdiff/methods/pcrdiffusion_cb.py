@@ -10,15 +10,13 @@ from torch import Tensor
 from pcrdiff.diffusion.process import corrupt
 from pcrdiff.diffusion.sampling import Walk, sample
 from pcrdiff.diffusion.schedule import cosine_alphas_bar
-from pcrdiff.geometry.rigid import from_pose_vector, pose_vector, transform
-from pcrdiff.losses import diffusion_loss, inlier_loss, point_loss
+from pcrdiff.geometry.rigid import from_pose_vector, pose_vector
+from pcrdiff.losses import diffusion_loss, matching_losses
 from pcrdiff.models.attention import CrossCloudAttention
 from pcrdiff.models.matching import AnnealingNet, fit_matches, match_scores, sinkhorn
 from pcrdiff.models.pose_encoder import PoseEncoder
 from pcrdiff.models.structure import StructureEmbedding, describe
 from pcrdiff.registration import LearnedMethod, Pairs, check_clouds
-
-INLIER_WEIGHT = 0.01  # Yew & Lee 2020, Sec. 4.4
 
 
 @dataclass(frozen=True)
@@ -96,8 +94,7 @@ class PCRDiffusionCB(LearnedMethod):
         T_estimate = fit_matches(source, pairs.target, matches)
         return {
             "diffusion": diffusion_loss(pose_vector(T_estimate), x_0),
-            "points": point_loss(transform(T_estimate, source), transform(T_truth, source)),
-            "inliers": INLIER_WEIGHT * inlier_loss(matches),
+            **matching_losses([(T_estimate, matches)], T_truth, source),
         }
 
     @torch.no_grad()
