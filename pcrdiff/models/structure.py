@@ -1,5 +1,7 @@
 """EGST's structured feature: three descriptors of each neighbourhood, embedded per point."""
 
+from dataclasses import dataclass
+
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
@@ -34,6 +36,44 @@ def angle_between(
     return torch.atan2(torch.linalg.cross(a, b).norm(dim=-1), (a * b).sum(dim=-1))
 
 
+@dataclass(frozen=True)
+class Neighbourhoods:
+    """Each point and its neighbours."""
+
+    index: Int[Tensor, "batch n k"]
+    centre: Float[Tensor, "batch n k 3"]
+    """The point, from the cloud's mean."""
+    offset: Float[Tensor, "batch n k 3"]
+    """From the point to its neighbour."""
+    angles: Float[Tensor, "batch n k 3"]
+    """Of the point's normal and the offset, of the neighbour's and the offset, of the normals."""
+
+
+def neighbourhoods(
+    points: Float[Tensor, "batch n 3"],
+    normals: Float[Tensor, "batch n 3"] | None,
+    radius: float,
+    k: int,
+) -> Neighbourhoods:
+    """The ``k`` nearest points within ``radius``; a place left over holds the centre itself.
+
+    Normals are those given, or estimated from the ``k`` nearest points.
+
+    Raises:
+        ValueError: The cloud has fewer than ``k`` points.
+    """
+    distances, index = nearest(points, points, k)
+    normals = estimate_normals(points, index) if normals is None else normals
+    own = torch.arange(points.shape[1], device=points.device)[None, :, None]
+    index = torch.where(distances <= radius**2, index, own)
+    centre = (points - points.mean(dim=-2, keepdim=True)).unsqueeze(-2).expand(-1, -1, k, -1)
+    offset = gather_points(points, index) - points.unsqueeze(-2)
+    n_centre, n_neighbour = normals.unsqueeze(-2).expand_as(offset), gather_points(normals, index)
+    pairs = ((n_centre, offset), (n_neighbour, offset), (n_centre, n_neighbour))
+    angles = torch.stack([angle_between(a, b) for a, b in pairs], dim=-1)
+    return Neighbourhoods(index, centre, offset, angles)
+
+
 @torch.no_grad()
 def describe(
     points: Float[Tensor, "batch n 3"],
@@ -52,21 +92,17 @@ def describe(
     Raises:
         ValueError: The cloud has fewer than ``k`` points.
     """
-    distances, index = nearest(points, points, k)
-    normals = estimate_normals(points, index) if normals is None else normals
-    own = torch.arange(points.shape[1], device=points.device)[None, :, None]
-    index = torch.where(distances <= radius**2, index, own)
-    centre = (points - points.mean(dim=-2, keepdim=True)).unsqueeze(-2).expand(-1, -1, k, -1)
-    offset = gather_points(points, index) - points.unsqueeze(-2)
-    n_centre, n_neighbour = normals.unsqueeze(-2).expand_as(offset), gather_points(normals, index)
-    pair_feature = [
-        angle_between(n_centre, offset),
-        angle_between(n_neighbour, offset),
-        angle_between(n_centre, n_neighbour),
-        offset.norm(dim=-1),
-        widest_angle(points, index),
-    ]
-    return torch.cat([centre, offset, torch.stack(pair_feature, dim=-1)], dim=-1)
+    near = neighbourhoods(points, normals, radius, k)
+    return torch.cat(
+        [
+            near.centre,
+            near.offset,
+            near.angles,
+            near.offset.norm(dim=-1, keepdim=True),
+            widest_angle(points, near.index).unsqueeze(-1),
+        ],
+        dim=-1,
+    )
 
 
 @torch.no_grad()
@@ -87,18 +123,12 @@ def describe_pairs(
     Raises:
         ValueError: The cloud has fewer than ``k`` points.
     """
-    distances, index = nearest(points, points, k)
-    axes = estimate_normals(points, index) if normals is None else normals
-    own = torch.arange(points.shape[1], device=points.device)[None, :, None]
-    index = torch.where(distances <= radius**2, index, own)
-    centre = (points - points.mean(dim=-2, keepdim=True)).unsqueeze(-2).expand(-1, -1, k, -1)
-    offset = gather_points(points, index) - points.unsqueeze(-2)
-    n_centre, n_neighbour = axes.unsqueeze(-2).expand_as(offset), gather_points(axes, index)
-    pairs = ((n_centre, offset), (n_neighbour, offset), (n_centre, n_neighbour))
-    angles = torch.stack([angle_between(a, b) for a, b in pairs], dim=-1)
+    near = neighbourhoods(points, normals, radius, k)
+    angles = near.angles
     if normals is None:
         angles = torch.minimum(angles, torch.pi - angles)
-    return torch.cat([centre, offset, angles, offset.norm(dim=-1, keepdim=True)], dim=-1)
+    length = near.offset.norm(dim=-1, keepdim=True)
+    return torch.cat([near.centre, near.offset, angles, length], dim=-1)
 
 
 def move(
