@@ -131,7 +131,9 @@ def draw_curves(trainings: Sequence[Training]) -> bytes:
     for ax, scenario in zip(axes.flat, scenarios, strict=False):
         for one in (one for one in trainings if one.scenario == scenario and one.curve):
             points = curve_points(one.curve, "val_error_r_deg")
-            ax.plot(*points, color=method_color(one.method), lw=1.4, label=shown(one.method).name)
+            color, name = method_color(one.method), shown(one.method).name
+            mark = "." if len(points[0]) <= 6 else None  # one look at the validation is a dot
+            ax.plot(*points, color=color, lw=1.4, marker=mark, label=name)
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter(FuncFormatter(_plain))
         ax.yaxis.set_minor_formatter(NullFormatter())

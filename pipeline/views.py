@@ -18,6 +18,8 @@ from pipeline.paper import (
 from pipeline.tables import METRICS, Row
 
 SETTINGS = {"paper": "the paper's iteration counts", "official": "the authors' own settings"}
+LEARNED_SETTINGS = {"official": "the authors' own number of updates"}
+"""Its network may be a smaller one than theirs; the training says its size."""
 NOT_BELOW_CONSTANT = "†"
 NOT_BELOW_ICP = "‡"
 MARKS = {
@@ -182,6 +184,7 @@ def _note(line: Line, trained: Mapping[tuple[str, str], Training], facts: PairFa
     if shown(line.method).kind != "learned":
         training = "nothing trained"
     else:
+        setting = LEARNED_SETTINGS.get(line.setting, setting)
         training = describe_budget(budget) if budget else "training budget not recorded"
     return f"Setting: {setting}. Data: {facts.source}. Training: {training}."
 

@@ -190,3 +190,15 @@ def test_prints_numbers_as_the_paper_does_without_hiding_small_ones(
     value: float, text: str
 ) -> None:
     assert show(value) == text
+
+
+def test_a_note_claims_of_a_learned_row_the_authors_updates_and_no_more(tmp_path: Path) -> None:
+    write_floors(tmp_path, plain_row(0, off_deg=0.5, shift=0.05))
+    for method in ("icp", "rpmnet"):
+        row = plain_row(0, off_deg=0.5, shift=0.05) | {"setting": "official"}
+        write_rows(tmp_path / UNSEEN / f"{method}.csv", [row])
+    table = make_tables(rows_of(tmp_path), [], {UNSEEN: facts()})[0]
+    notes = {line.method: table.notes[line.note - 1] for line in table.lines}
+    assert notes["icp"].startswith("Setting: the authors' own settings.")
+    assert notes["rpmnet"].startswith("Setting: the authors' own number of updates.")
+    assert notes["pcrnet"].startswith("Setting: the paper's iteration counts.")
