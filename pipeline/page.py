@@ -122,7 +122,7 @@ def _glance(tables: Sequence[Table]) -> dict[str, dict[str, Line]]:
         if number == place(scenario).table and (ablated, subset) == ("", "all"):
             for line in sorted(table.lines, key=lambda line: line.setting != "paper"):
                 found.setdefault(line.method, {}).setdefault(scenario, line)
-    return found
+    return {method: found[method] for method in sorted(found, key=method_rank)}
 
 
 def _paired(tables: Sequence[Table]) -> list[list[Table]]:

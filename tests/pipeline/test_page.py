@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.page import flatten
 from pipeline.report import make_report
-from tests.pipeline.made_up_results import write_everything
+from tests.pipeline.made_up_results import plain_row, write_everything, write_rows
 
 
 class Elements(HTMLParser):
@@ -122,3 +122,15 @@ def test_a_report_without_trainings_or_ablations_is_still_a_report(tmp_path: Pat
     page = make_report(*parts, profile="quick").page
     assert 'id="curves"' not in page
     assert 'id="steps"' not in page
+
+
+def test_a_glance_keeps_the_order_of_the_rows_also_for_methods_without_a_paper_setting(
+    tmp_path: Path,
+) -> None:
+    write_everything(tmp_path, ("kitti",), 3)
+    rows = [plain_row(pair, off_deg=1.0) | {"setting": "official"} for pair in range(3)]
+    write_rows(tmp_path / "results" / "kitti" / "gicp.csv", rows)
+    text = render(tmp_path, "quick")
+    glance = text[text.index('<section id="glance">') : text.index('<section id="errors">')]
+    places = [glance.index(name) for name in (">ICP<", ">Generalized ICP<", ">PCRDiffusion CB<")]
+    assert places == sorted(places)
