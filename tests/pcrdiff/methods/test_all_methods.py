@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from pcrdiff.geometry.rigid import transform
+from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.metrics import error_r_deg, error_t
 from pcrdiff.registration import LearnedMethod, Method
 from tests.pcrdiff.made_up_clouds import (
@@ -20,6 +20,10 @@ every_method = pytest.mark.parametrize("name", [*CLASSICAL, *LEARNED])
 every_learned_method = pytest.mark.parametrize("name", LEARNED)
 FOLLOW_ANY_MOTION = ("fgr", "ransac_fpfh", "small_gicp", "kiss_matcher", "deepgmr")
 """Their answer on exact copies follows the target wherever it goes."""
+GLOBAL = ("fgr", "ransac_fpfh", "small_gicp", "kiss_matcher")
+"""They solve dense exact copies from anywhere."""
+FROM_THE_CENTROIDS = ("icp_centroid", "trimmed_icp")
+"""They solve exact copies to the last digits, from the shift between the centroids."""
 FOLLOW_NO_SHIFT = ("identity", "constant", "icp", "pcrdiffusion_cf", "pcrdiffusion_cb")
 """They look at where the clouds lie in space, or at nothing at all."""
 
@@ -200,3 +204,51 @@ def test_the_answer_follows_a_shift_of_the_target_unless_its_place_is_what_is_re
     follows = method.register(source, moved, generator=seeded(1)).double()
     close = torch.allclose(follows, shift @ answer, atol=5e-4)
     assert close == (name not in FOLLOW_NO_SHIFT)
+
+
+@pytest.mark.parametrize(
+    ("name", "points", "degrees", "length"),
+    [
+        *((name, 512, 0.05, 1e-3) for name in GLOBAL),
+        *((name, 300, 0.01, 1e-4) for name in FROM_THE_CENTROIDS),
+    ],
+)
+def test_solves_exact_copies(name: str, points: int, degrees: float, length: float) -> None:
+    pairs = made_up_pairs(4, points, generator=seeded(0))
+    answer = make_method(name).register(pairs.source, pairs.target, generator=seeded(0))
+    assert error_r_deg(answer, pairs.T_target_source).max() < degrees
+    assert error_t(answer, pairs.T_target_source).max() < length
+
+
+@pytest.mark.parametrize("name", GLOBAL)
+def test_the_answer_on_dense_copies_follows_any_motion_of_the_target_closely(name: str) -> None:
+    pairs = made_up_pairs(3, 512, generator=seeded(1))
+    source, target = pairs.source.double(), pairs.target.double()
+    A = random_poses(3, generator=seeded(2))
+    method = make_method(name)
+    answer = method.register(source, target, generator=seeded(0))
+    moved = method.register(source, transform(A, target), generator=seeded(0))
+    assert error_r_deg(moved, A @ answer).max() < 0.05
+    assert error_t(moved, A @ answer).max() < 1e-3
+
+
+@pytest.mark.parametrize("name", FROM_THE_CENTROIDS)
+def test_a_translation_however_long_is_seen_through(name: str) -> None:
+    pairs = made_up_pairs(3, 200, generator=seeded(1))
+    source, target = pairs.source.double(), pairs.target.double()
+    shift = small_pose(0, (70.0, -40.0, 10.0)).expand(3, 4, 4)
+    method = make_method(name)
+    answer = method.register(source, target, generator=seeded(0))
+    moved = method.register(source, transform(shift, target), generator=seeded(0))
+    torch.testing.assert_close(moved, shift @ answer, atol=1e-7, rtol=0)
+
+
+@pytest.mark.parametrize("name", FROM_THE_CENTROIDS)
+def test_the_answer_follows_when_both_clouds_move_together(name: str) -> None:
+    pairs = made_up_pairs(3, 200, generator=seeded(3))
+    source, target = pairs.source.double(), pairs.target.double()
+    A = random_poses(3, generator=seeded(4))
+    method = make_method(name)
+    answer = method.register(source, target, generator=seeded(0))
+    moved = method.register(transform(A, source), transform(A, target), generator=seeded(0))
+    torch.testing.assert_close(moved, A @ answer @ invert(A), atol=1e-7, rtol=0)

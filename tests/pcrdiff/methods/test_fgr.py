@@ -6,27 +6,8 @@ import pytest
 import torch
 
 from pcrdiff.classical import registration
-from pcrdiff.geometry.rigid import transform
-from pcrdiff.metrics import error_r_deg, error_t
-from tests.pcrdiff.made_up_clouds import made_up_pairs, random_poses, seeded
+from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from tests.pcrdiff.methods.made_up_methods import make_fgr
-
-
-def test_solves_exact_copies() -> None:
-    pairs = made_up_pairs(4, 512, generator=seeded(0))
-    answer = make_fgr().register(pairs.source, pairs.target, generator=seeded(0))
-    assert error_r_deg(answer, pairs.T_target_source).max() < 0.05
-    assert error_t(answer, pairs.T_target_source).max() < 1e-3
-
-
-def test_the_answer_follows_any_motion_of_the_target() -> None:
-    pairs = made_up_pairs(3, 512, generator=seeded(1))
-    source, target = pairs.source.double(), pairs.target.double()
-    A = random_poses(3, generator=seeded(2))
-    answer = make_fgr().register(source, target, generator=seeded(0))
-    moved = make_fgr().register(source, transform(A, target), generator=seeded(0))
-    assert error_r_deg(moved, A @ answer).max() < 0.05
-    assert error_t(moved, A @ answer).max() < 1e-3
 
 
 def test_the_generator_decides_and_open3ds_own_state_does_not() -> None:

@@ -3,28 +3,12 @@
 import pytest
 import torch
 
-from pcrdiff.geometry.rigid import invert, transform
+from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.icp_centroid import ICPCentroid
 from pcrdiff.metrics import error_r_deg, error_t
-from tests.pcrdiff.made_up_clouds import made_up_pairs, random_poses, seeded, small_pose
+from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose
 
 METHOD = ICPCentroid(100, 0.5)
-
-
-def test_solves_exact_copies() -> None:
-    pairs = made_up_pairs(4, 300, generator=seeded(0))
-    answer = METHOD.register(pairs.source, pairs.target, generator=seeded(0))
-    assert error_r_deg(answer, pairs.T_target_source).max() < 0.01
-    assert error_t(answer, pairs.T_target_source).max() < 1e-4
-
-
-def test_a_translation_however_long_is_seen_through() -> None:
-    pairs = made_up_pairs(3, 200, generator=seeded(1))
-    source, target = pairs.source.double(), pairs.target.double()
-    shift = small_pose(0, (70.0, -40.0, 10.0)).expand(3, 4, 4)
-    answer = METHOD.register(source, target, generator=seeded(0))
-    moved = METHOD.register(source, transform(shift, target), generator=seeded(0))
-    torch.testing.assert_close(moved, shift @ answer, atol=1e-7, rtol=0)
 
 
 def test_the_answer_follows_when_the_target_turns_a_little() -> None:
@@ -35,15 +19,6 @@ def test_the_answer_follows_when_the_target_turns_a_little() -> None:
     moved = METHOD.register(source, transform(turn, target), generator=seeded(0))
     assert error_r_deg(moved, turn @ answer).max() < 0.01
     assert error_t(moved, turn @ answer).max() < 1e-4
-
-
-def test_the_answer_follows_when_both_clouds_move_together() -> None:
-    pairs = made_up_pairs(3, 200, generator=seeded(3))
-    source, target = pairs.source.double(), pairs.target.double()
-    A = random_poses(3, generator=seeded(4))
-    answer = METHOD.register(source, target, generator=seeded(0))
-    moved = METHOD.register(transform(A, source), transform(A, target), generator=seeded(0))
-    torch.testing.assert_close(moved, A @ answer @ invert(A), atol=1e-7, rtol=0)
 
 
 def test_refuses_clouds_of_which_no_two_points_are_within_reach() -> None:

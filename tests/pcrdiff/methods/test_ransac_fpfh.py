@@ -7,31 +7,12 @@ import torch
 
 from pcrdiff.classical import registration
 from pcrdiff.data.native import open3d
-from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.ransac_fpfh import RansacFPFH
-from pcrdiff.metrics import error_r_deg, error_t
-from tests.pcrdiff.made_up_clouds import made_up_pairs, random_poses, seeded
+from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 
 METHOD = RansacFPFH(
     max_distance=0.025, feature_radius=0.3, feature_neighbours=128, normal_radius=0.2
 )
-
-
-def test_solves_exact_copies() -> None:
-    pairs = made_up_pairs(4, 512, generator=seeded(0))
-    answer = METHOD.register(pairs.source, pairs.target, generator=seeded(0))
-    assert error_r_deg(answer, pairs.T_target_source).max() < 0.05
-    assert error_t(answer, pairs.T_target_source).max() < 1e-3
-
-
-def test_the_answer_follows_any_motion_of_the_target() -> None:
-    pairs = made_up_pairs(3, 512, generator=seeded(1))
-    source, target = pairs.source.double(), pairs.target.double()
-    A = random_poses(3, generator=seeded(2))
-    answer = METHOD.register(source, target, generator=seeded(0))
-    moved = METHOD.register(source, transform(A, target), generator=seeded(0))
-    assert error_r_deg(moved, A @ answer).max() < 0.05
-    assert error_t(moved, A @ answer).max() < 1e-3
 
 
 def test_the_generator_decides_and_neither_open3ds_own_state_nor_its_threads_do() -> None:

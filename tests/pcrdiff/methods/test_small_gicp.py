@@ -4,10 +4,8 @@ import pytest
 import small_gicp
 import torch
 
-from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.small_gicp import SmallGICP
-from pcrdiff.metrics import error_r_deg, error_t
-from tests.pcrdiff.made_up_clouds import made_up_pairs, random_poses, seeded
+from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 
 METHOD = SmallGICP(
     max_iterations=20,
@@ -16,23 +14,6 @@ METHOD = SmallGICP(
     feature_neighbours=128,
     normal_radius=0.2,
 )
-
-
-def test_solves_exact_copies() -> None:
-    pairs = made_up_pairs(4, 512, generator=seeded(0))
-    answer = METHOD.register(pairs.source, pairs.target, generator=seeded(0))
-    assert error_r_deg(answer, pairs.T_target_source).max() < 0.05
-    assert error_t(answer, pairs.T_target_source).max() < 1e-3
-
-
-def test_the_answer_follows_any_motion_of_the_target() -> None:
-    pairs = made_up_pairs(3, 512, generator=seeded(1))
-    source, target = pairs.source.double(), pairs.target.double()
-    A = random_poses(3, generator=seeded(2))
-    answer = METHOD.register(source, target, generator=seeded(0))
-    moved = METHOD.register(source, transform(A, target), generator=seeded(0))
-    assert error_r_deg(moved, A @ answer).max() < 0.05
-    assert error_t(moved, A @ answer).max() < 1e-3
 
 
 def test_the_generator_decides_and_open3ds_own_state_does_not() -> None:
