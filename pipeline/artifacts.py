@@ -244,7 +244,7 @@ def write_curve(path: Path, curve: "Sequence[Epoch]") -> None:
     for e in curve:
         losses = [e.losses[term] for term in terms]
         rows.append([e.epoch, e.step, e.learning_rate, *losses, e.val_error_r_deg, e.val_error_t])
-    write_atomically(path, _csv([head, *rows]))
+    write_csv(path, [head, *rows])
 
 
 # Answers.
@@ -258,7 +258,7 @@ ANSWER += [f"T{row}{column}" for row in range(3) for column in range(4)]
 def write_estimates(path: Path, truth: Pairs, answers: "Mapping[str, Estimates]") -> None:
     """Write a row per setting and pair: how far off, and the answer itself."""
     rows = [row for setting, given in answers.items() for row in _rows(truth, setting, given)]
-    write_atomically(path, _csv([ANSWER, *rows]))
+    write_csv(path, [ANSWER, *rows])
 
 
 def write_ablation(
@@ -271,7 +271,7 @@ def write_ablation(
         for setting, given in settings.items()
         for row in _rows(truth, setting, given)
     ]
-    write_atomically(path, _csv([["method", *ANSWER], *rows]))
+    write_csv(path, [["method", *ANSWER], *rows])
 
 
 def _rows(truth: Pairs, setting: str, given: "Estimates") -> list[list[object]]:
@@ -292,7 +292,8 @@ def _rows(truth: Pairs, setting: str, given: "Estimates") -> list[list[object]]:
     ]
 
 
-def _csv(rows: Sequence[Sequence[object]]) -> bytes:
+def write_csv(path: Path, rows: Sequence[Sequence[object]]) -> None:
+    """Write rows of fields, the header first."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue().encode()
+    write_atomically(path, text.getvalue().encode())

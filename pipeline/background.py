@@ -22,6 +22,8 @@ class Training:
     """``epochs``, ``steps``, ``batch_size``, ``train_pairs``, ``parameters``, ``best_epoch``."""
     curve: dict[str, list[float | None]]
     """Column by column; None where nothing was measured."""
+    setting: str | None = None
+    """Of an ablation's training, what it varies, as in ``fusion=target``; None for a main one."""
 
 
 def read_trainings(folder: Path) -> list[Training]:
