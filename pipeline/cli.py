@@ -2,6 +2,7 @@
 
 import os
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -52,6 +53,31 @@ def plan(
     for stage, why in found:
         typer.echo(f"{stage}  ({why})")
     typer.echo(f"{len(found)} stages would run")
+
+
+@app.command(name="repro")
+def run_pipeline(
+    targets: Annotated[list[str] | None, typer.Argument(help="Stages; all if none.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", "-j", min=1, help="Stages at once; else as many as fit.")
+    ] = None,
+) -> None:
+    """Run what `dvc repro` would run, independent stages at the same time."""
+    from pipeline.parallel import Finished, repro, timings
+    from pipeline.params import read_params
+
+    root = _root()
+    os.chdir(root)
+    fit = max(1, (os.cpu_count() or 1) // read_params().threads)
+
+    def tell(ended: Finished) -> None:
+        typer.echo(f"{ended.seconds:7.1f} s  {ended.stage}")
+
+    started = time.monotonic()
+    finished = repro(root, targets or [], jobs=jobs or fit, tell=tell)
+    for line in timings(finished):
+        typer.echo(line)
+    typer.echo(f"{len(finished)} stages in {time.monotonic() - started:.0f} s")
 
 
 @app.command()

@@ -25,27 +25,33 @@ def plan_stages(root: Path, targets: Sequence[str]) -> Iterator[tuple[str, str]]
         raise ValueError(str(error)) from error
     graph = repo.index.graph  # from a stage to those it needs
     if targets:
-        wanted = [stage for name in targets for stage in _named(graph.nodes, name)]
+        wanted = [stage for name in targets for stage in named(graph.nodes, name)]
         above = {needed for stage in wanted for needed in nx.descendants(graph, stage)}
         graph = graph.subgraph({*wanted, *above})
     running: set[object] = set()
     with repo.lock:
         for stage in nx.dfs_postorder_nodes(graph):
-            causes = [_name(needed) for needed in graph.successors(stage) if needed in running]
+            causes = [stage_name(needed) for needed in graph.successors(stage) if needed in running]
             why = f"{causes[0]} runs" if causes else _changes(stage.status())
             if why:
                 running.add(stage)
-                yield _name(stage), why
+                yield stage_name(stage), why
 
 
-def _named(stages: Iterable[Any], name: str) -> list[Any]:
-    found = [s for s in stages if name in (_name(s), _name(s).partition("@")[0])]
+def named(stages: Iterable[Any], name: str) -> list[Any]:
+    """The stages of DVC's that a name or the name of a group stands for.
+
+    Raises:
+        ValueError: There is none.
+    """
+    found = [s for s in stages if name in (stage_name(s), stage_name(s).partition("@")[0])]
     if not found:
         raise ValueError(f"no stage is called {name!r}")
     return found
 
 
-def _name(stage: Any) -> str:  # noqa: ANN401  DVC's own stage
+def stage_name(stage: Any) -> str:  # noqa: ANN401  DVC's own stage
+    """What a stage is called in dvc.yaml and dvc.lock."""
     return str(getattr(stage, "name", None) or stage.relpath)
 
 
