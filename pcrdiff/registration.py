@@ -98,6 +98,9 @@ class LearnedMethod(nn.Module, ABC):
     normals: Normals = "estimated"
     """Whether its clouds come with the data set's normals; see ``Pairs.clouds``."""
 
+    def prepare(self, pairs: Pairs) -> None:
+        """Take from the training pairs what no gradient teaches, before the first step."""
+
     @abstractmethod
     def register(
         self,

@@ -205,7 +205,9 @@ def train(
         RuntimeError: A gradient is not finite.
     """
     saved = checkpoint.load()
-    if saved is not None:
+    if saved is None:
+        trainer.method.prepare(trainer.train)
+    else:
         trainer.restore(*saved)
     epochs = range(len(trainer.curve), trainer.budget.epochs)
     trainer.method.train()

@@ -22,6 +22,7 @@ from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.method_params import AnyLearned, Methods
 from pipeline.params import Diffusion
 from pipeline.sections import Section, SettingName
+from pipeline.variants import AS_IT_IS, Variant
 
 LEARNED: Mapping[str, Callable[..., LearnedMethod]] = {
     "pointnetlk": PointNetLK,
@@ -49,30 +50,44 @@ def settings_of(name: str, methods: Methods) -> list[SettingName]:
 
 
 def build_learned(
-    name: str, setting: SettingName, methods: Methods, diffusion: Diffusion
+    name: str,
+    setting: SettingName,
+    methods: Methods,
+    diffusion: Diffusion,
+    variant: Variant = AS_IT_IS,
 ) -> LearnedMethod:
     """A learned method with fresh weights, drawn from torch's own generator.
 
     Raises:
-        ValueError: No such method.
+        ValueError: No such method, or the variant has a key that its network has not.
     """
     section = _section(name, methods)
     setting_told = section.settings[setting].model_dump()
-    return _build(name, {**section.network.model_dump(), **setting_told}, diffusion)
+    return _build(name, {**_network(name, section, variant), **setting_told}, diffusion)
 
 
-def build_untrained(name: str, methods: Methods, diffusion: Diffusion) -> LearnedMethod:
+def build_untrained(
+    name: str, methods: Methods, diffusion: Diffusion, variant: Variant = AS_IT_IS
+) -> LearnedMethod:
     """A learned method to be trained; it validates with as many updates as it trains with.
 
     Which settings evaluation has must not choose other weights.
 
     Raises:
-        ValueError: No such method.
+        ValueError: No such method, or the variant has a key that its network has not.
     """
-    told = _section(name, methods).network.model_dump()
+    told = _network(name, _section(name, methods), variant)
     if "train_updates" in told:
         told["updates"] = told["train_updates"]
     return _build(name, told, diffusion)
+
+
+def _network(name: str, section: AnyLearned, variant: Variant) -> dict[str, object]:
+    told = dict(section.network.model_dump())
+    unknown = sorted(set(variant) - set(told))
+    if unknown:
+        raise ValueError(f"the network of {name} has no {', '.join(unknown)} to vary")
+    return {**told, **variant}
 
 
 def _build(name: str, told: dict[str, object], diffusion: Diffusion) -> LearnedMethod:

@@ -13,6 +13,7 @@ from pipeline.params import Diffusion, Params
 from pipeline.progress import bar
 from pipeline.sections import SettingName
 from pipeline.seeding import stream
+from pipeline.variants import AS_IT_IS, Variant
 
 
 def evaluate_method(
@@ -23,32 +24,50 @@ def evaluate_method(
     Raises:
         FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
     """
-    settings: Mapping[str, Method]
-    if weights is None:
-        settings = build_classical(name, params.methods, read_pairs(pairs, "train"))
-    else:
-        settings = {
-            setting: load_learned(name, setting, params.methods, params.diffusion, weights)
-            for setting in settings_of(name, params.methods)
-        }
+    settings = load_settings(params, name, pairs, weights)
     test = read_pairs(pairs, "test")
     return test, {setting: answer(params, method, test) for setting, method in settings.items()}
 
 
-def answer(params: Params, method: Method, test: Pairs) -> Estimates:
-    """Register the test pairs, each from its own seed, the same for every method."""
-    return evaluate(method, test, seed=stream(params.seed, "evaluate"), progress=bar)
+def load_settings(
+    params: Params, name: str, pairs: Path, weights: Path | None
+) -> Mapping[str, Method]:
+    """A method, ready to register, in each of its settings; ``weights`` are a learned method's.
+
+    Raises:
+        FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
+    """
+    if weights is None:
+        return build_classical(name, params.methods, read_pairs(pairs, "train"))
+    return {
+        setting: load_learned(name, setting, params.methods, params.diffusion, weights)
+        for setting in settings_of(name, params.methods)
+    }
+
+
+def answer(params: Params, method: Method, test: Pairs, draw: int = 0) -> Estimates:
+    """Register the test pairs, each from its own seed, the same for every method.
+
+    Another ``draw`` has seeds of its own.
+    """
+    purpose = "evaluate" if draw == 0 else f"evaluate/{draw}"
+    return evaluate(method, test, seed=stream(params.seed, purpose), progress=bar)
 
 
 def load_learned(
-    name: str, setting: SettingName, methods: Methods, diffusion: Diffusion, weights: Path
+    name: str,
+    setting: SettingName,
+    methods: Methods,
+    diffusion: Diffusion,
+    weights: Path,
+    variant: Variant = AS_IT_IS,
 ) -> LearnedMethod:
     """A trained method, in one setting of the tables.
 
     Raises:
         FileNotFoundError, ValueError: The weights are not there, or are those of another network.
     """
-    method = build_learned(name, setting, methods, diffusion)
+    method = build_learned(name, setting, methods, diffusion, variant)
     try:
         method.load_state_dict(read_weights(weights, name))
     except RuntimeError as error:

@@ -8,7 +8,17 @@ from typing import Annotated, Generic, TypeVar
 
 from pydantic import Field
 
-from pipeline.sections import Count, Normals, Positive, Section, SettingName
+from pipeline.sections import (
+    Count,
+    Fusion,
+    Normals,
+    Positive,
+    Representation,
+    Scaling,
+    Section,
+    SettingName,
+    WithOrWithout,
+)
 
 
 class NoSetting(Section):
@@ -109,13 +119,22 @@ class RepeatedMatching(Section):
     normals: Normals
 
 
-class CorrespondenceFree(Section):
+class Diffused(Section):
+    """What PCRDiffusion diffuses, and whether it does: Tables 3 and 4 vary it."""
+
+    representation: Representation
+    scaling: Scaling
+    diffusion: WithOrWithout
+
+
+class CorrespondenceFree(Diffused):
     """PCRDiffusion CF."""
 
     feature_dim: Count
+    fusion: Fusion
 
 
-class CorrespondenceBased(Section):
+class CorrespondenceBased(Diffused):
     """PCRDiffusion CB."""
 
     feature_dim: Annotated[int, Field(ge=4, multiple_of=4)]

@@ -1,15 +1,29 @@
 """The typed face of params.yaml: one frozen model per section, nothing optional, nothing extra."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import radians
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar, get_args
 
 import yaml
 from pydantic import Field, ValidationError, model_validator
 
 from pipeline.method_params import Methods
-from pipeline.sections import Count, Fraction, Normals, Positive, Section
+from pipeline.sections import (
+    Count,
+    Fraction,
+    Fusion,
+    Normals,
+    Positive,
+    Representation,
+    Sampler,
+    Scaling,
+    Section,
+    WithOrWithout,
+)
+
+T = TypeVar("T")
+Named = TypeVar("Named")
 
 
 class Run(Section):
@@ -105,7 +119,9 @@ class Diffusion(Section):
 
     timesteps: Count
     steps: Count
-    sampler: Literal["ddpm", "ddim"]
+    sampler: Sampler
+    hypotheses: Count
+    """Random starts of a walk; the answer under which the clouds fit best is kept."""
 
     @model_validator(mode="after")
     def _steps_fit(self) -> "Diffusion":
@@ -146,14 +162,71 @@ class Training(Section):
     scenario: str
     method: str
     epochs: Count
+    answers: str
+    """The section that its answers depend on: ``diffusion`` if it samples, else its settings."""
+
+
+Diffused = Literal["pcrdiffusion_cf", "pcrdiffusion_cb"]
+Listed = Annotated[list[T], Field(min_length=1)]
+
+
+class Sampling(Section):
+    """Of the ablation over steps."""
+
+    samplers: Listed[Sampler]
+    draws: Count
+    """How many times each walk is drawn anew, so that the spread is seen."""
+
+
+class Noise(Section):
+    """Of the ablation over noise, on the ablation's scenario without any."""
+
+    scenario: str
+    """On whose pairs the learned methods were trained."""
+    methods: Listed[str]
+    deviations: Listed[Annotated[float, Field(ge=0)]]
+
+
+class WalkShown(Section):
+    """The walks whose every pose the page shows."""
+
+    steps: Count
+    pairs: Count
 
 
 class Ablation(Section):
-    """What the ablations vary, and of which methods on which scenario."""
+    """What the ablations vary, and of which methods on which scenario.
+
+    Variants (of diffusion, representation and fusion) are trained for ``epochs`` of their own.
+    """
 
     scenario: str
-    methods: list[str]
-    steps: list[Count]
+    methods: Listed[Diffused]
+    epochs: dict[Diffused, Count]
+    diffusions: Listed[WithOrWithout]
+    representations: Listed[Representation]
+    scalings: Listed[Scaling]
+    fusions: Listed[Fusion]
+    steps: Listed[Count]
+    sampling: Sampling
+    hypotheses: Listed[Count]
+    noise: Noise
+    walk: WalkShown
+
+
+class Timed(Section):
+    """How a learned method is timed: see ``Training.answers``."""
+
+    answers: str
+
+
+class Timing(Section):
+    """Table 6: batch 1, so many pairs of one scenario."""
+
+    scenario: str
+    pairs: Count
+    warm_up: Count
+    learned: dict[str, Timed]
 
 
 class Params(Section):
@@ -170,6 +243,7 @@ class Params(Section):
     train: Train
     trainings: dict[str, Training]
     ablation: Ablation
+    timing: Timing
 
     @model_validator(mode="after")
     def _names_agree(self) -> "Params":
@@ -179,19 +253,45 @@ class Params(Section):
                 raise ValueError(f"scenarios.{name}.dataset {scenario.dataset!r} is not in acquire")
         for name, training in self.trainings.items():
             self._check_training(name, training)
-        if self.ablation.scenario not in self.scenarios:
-            raise ValueError(f"ablation.scenario {self.ablation.scenario!r} is not in scenarios")
-        for method in self.ablation.methods:
-            if f"{self.ablation.scenario}-{method}" not in self.trainings:
-                raise ValueError(f"ablation.methods has {method!r}, which trainings has not")
+        for name, scenario in self._scenarios_named().items():
+            if scenario not in self.scenarios:
+                raise ValueError(f"{name} {scenario!r} is not in scenarios")
+        for name, training in self._trainings_named():
+            if training not in self.trainings:
+                raise ValueError(f"{name} needs {training!r}, which trainings has not")
+        for name, method, answers in self._answers_named():
+            _check_answers(name, method, answers)
         return self
+
+    def _scenarios_named(self) -> dict[str, str]:
+        """Where a section names a scenario, and which."""
+        return {
+            "ablation.scenario": self.ablation.scenario,
+            "ablation.noise.scenario": self.ablation.noise.scenario,
+            "timing.scenario": self.timing.scenario,
+        }
+
+    def _trainings_named(self) -> Iterator[tuple[str, str]]:
+        """Where a section needs a training, and which."""
+        for method in self.ablation.methods:
+            yield "ablation.methods", f"{self.ablation.scenario}-{method}"
+        for method in self.ablation.noise.methods:
+            if method in learned_names():
+                yield "ablation.noise.methods", f"{self.ablation.noise.scenario}-{method}"
+        for method in self.timing.learned:
+            yield "timing.learned", f"{self.timing.scenario}-{method}"
+
+    def _answers_named(self) -> Iterator[tuple[str, str, str]]:
+        for name, training in self.trainings.items():
+            yield f"trainings.{name}", training.method, training.answers
+        for method, timed in self.timing.learned.items():
+            yield f"timing.learned.{method}", method, timed.answers
 
     def _check_training(self, name: str, training: Training) -> None:
         if training.scenario not in self.scenarios:
             raise ValueError(f"trainings.{name}.scenario {training.scenario!r} is not in scenarios")
-        learned = sorted(set(Train.model_fields) - {"poses"})
-        if training.method not in learned:
-            raise ValueError(f"trainings.{name}.method needs one of {learned}")
+        if training.method not in learned_names():
+            raise ValueError(f"trainings.{name}.method needs one of {learned_names()}")
         if name != f"{training.scenario}-{training.method}":
             needed = f"{training.scenario}-{training.method}"
             raise ValueError(f"trainings.{name} needs the key {needed!r}, that of its training")
@@ -212,12 +312,21 @@ class Params(Section):
         return pick(self.trainings, f"{scenario}-{method}", "trainings")
 
 
+def learned_names() -> list[str]:
+    """The methods that are trained."""
+    return sorted(set(Train.model_fields) - {"poses"})
+
+
+def _check_answers(where: str, method: str, answers: str) -> None:
+    """DVC is told by this key what an evaluation depends on; it must not be told wrong."""
+    needed = "diffusion" if method in get_args(Diffused) else f"methods.{method}.settings"
+    if answers != needed:
+        raise ValueError(f"{where}.answers needs {needed!r}, got {answers!r}")
+
+
 def _same(a_name: str, a: Sequence[str], b_name: str, b: Sequence[str]) -> None:
     if set(a) != set(b):
         raise ValueError(f"{a_name} needs the same names as {b_name}: {set(a) ^ set(b)} differ")
-
-
-Named = TypeVar("Named")
 
 
 def pick(sections: Mapping[str, Named], name: str, where: str) -> Named:

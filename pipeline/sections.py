@@ -9,6 +9,12 @@ Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
 Normals = Literal["given", "estimated"]
 """The data set's own, clean, or read off the points that a method is given."""
+Representation = Literal["quaternion", "euler", "rotation_6d", "twist", "dual_quaternion", "matrix"]
+Scaling = Literal["raw", "standardised"]
+Fusion = Literal["source", "target", "concat"]
+WithOrWithout = Literal["with", "without"]
+"""These four are the library's own names; written again here, since it takes seconds to import."""
+Sampler = Literal["ddpm", "ddim"]
 SettingName = Literal["paper", "official"]
 """The paper's iteration counts, or the authors' own settings."""
 

@@ -11,15 +11,16 @@ from torch import Tensor
 from pcrdiff.training import Budget, Checkpoint, Epoch, FreshPoses, Trainer, train
 from pipeline.artifacts import read_pairs
 from pipeline.building import build_untrained
-from pipeline.params import Params
+from pipeline.params import Params, pick
 from pipeline.progress import bar
 from pipeline.seeding import stream
 from pipeline.tracking import Journal
+from pipeline.variants import AS_IT_IS, Variant, setting_of
 
 CODE = (Path("pcrdiff"), Path("pipeline/building.py"), Path("pipeline/training.py"))
 """What a half-done training was made with: if it changes, the training starts anew."""
 
-VALIDATION_WALK = {"steps": 1, "sampler": "ddpm"}
+VALIDATION_WALK = {"steps": 1, "sampler": "ddpm", "hypotheses": 1}
 """How validation samples, whatever evaluation does: other steps must not choose other weights."""
 
 
@@ -45,27 +46,43 @@ class Trained:
         notes.metrics({name: v for name, v in self.facts.items() if isinstance(v, int | float)})
 
 
-def training_params(params: Params, scenario: str, method: str) -> dict[str, Any]:
+def epochs_of(params: Params, scenario: str, method: str, variant: Variant) -> int:
+    """The budget of a training; a variant's is the ablation's own, the same for all of a method."""
+    if variant:
+        return pick(params.ablation.epochs, method, "ablation.epochs")
+    return params.training(scenario, method).epochs
+
+
+def training_params(
+    params: Params, scenario: str, method: str, variant: Variant = AS_IT_IS
+) -> dict[str, Any]:
     """All of params.yaml that a training depends on."""
     return {
         "seed": params.seed,
         "threads": params.threads,
         "scenario": scenario,
         "method": method,
-        "epochs": params.training(scenario, method).epochs,
+        "epochs": epochs_of(params, scenario, method, variant),
         "poses": params.train.poses,
         "max_rotation_deg": params.scenarios[scenario].max_rotation_deg,
         "max_translation": params.scenarios[scenario].max_translation,
         "timesteps": params.diffusion.timesteps,
-        "network": getattr(params.methods, method).network.model_dump(),
+        "network": {**getattr(params.methods, method).network.model_dump(), **variant},
         **getattr(params.train, method).model_dump(),
     }
 
 
 def train_method(
-    params: Params, scenario: str, method: str, pairs: Path, checkpoint: Checkpoint
+    params: Params,
+    scenario: str,
+    method: str,
+    variant: Variant,
+    pairs: Path,
+    checkpoint: Checkpoint,
 ) -> Trained:
-    """Train a method to the end of its budget.
+    """Train a method, or a variant of it, to the end of its budget.
+
+    All variants of a method start from the same draws and see the pairs in the same order.
 
     Raises:
         FileNotFoundError, ValueError: The pair file is not there or not one.
@@ -73,10 +90,10 @@ def train_method(
     """
     torch.manual_seed(stream(params.seed, f"init/{scenario}/{method}"))
     walk = params.diffusion.model_copy(update=VALIDATION_WALK)
-    network = build_untrained(method, params.methods, walk)
+    network = build_untrained(method, params.methods, walk, variant)
     data, val = read_pairs(pairs, "train"), read_pairs(pairs, "val")
     settings = getattr(params.train, method)
-    budget = Budget(params.training(scenario, method).epochs, **settings.model_dump())
+    budget = Budget(epochs_of(params, scenario, method, variant), **settings.model_dump())
     made = params.scenarios[scenario]
     fresh = FreshPoses(made.max_rotation, made.max_translation)
     trainer = Trainer(
@@ -88,7 +105,7 @@ def train_method(
         seed=stream(params.seed, f"train/{scenario}/{method}"),
     )
     weights, curve = train(trainer, checkpoint, bar)
-    facts = {
+    facts: dict[str, object] = {
         "method": method,
         "scenario": scenario,
         "epochs": budget.epochs,
@@ -101,6 +118,8 @@ def train_method(
         "poses": params.train.poses,
         "timesteps": params.diffusion.timesteps,
     }
+    if variant:
+        facts["setting"] = setting_of(variant)
     return Trained(weights, curve, facts)
 
 

@@ -3,8 +3,9 @@
 import argparse
 from pathlib import Path
 
-from pipeline.ablating import ABLATIONS
+from pipeline.ablating import ABLATIONS, Given
 from pipeline.artifacts import write_ablation
+from pipeline.evaluating import summarise
 from pipeline.machine import settle
 from pipeline.params import read_params
 from pipeline.stage import run
@@ -23,8 +24,11 @@ def main(argv: list[str] | None = None) -> None:
     params = read_params()
     settle(params.threads)
     with journal(params=params.ablation.model_dump(), inputs=[args.pairs]) as notes:
-        test, answers = ABLATIONS[args.name](params, args.pairs, args.models)
+        test, answers = ABLATIONS[args.name](Given(params, args.pairs, args.models))
         write_ablation(args.answers, test, answers)
+        for method, settings in answers.items():
+            found = summarise(test, settings).items()
+            notes.metrics({f"{method}.{name}": value for name, value in found})
         notes.artifact(args.answers)
 
 

@@ -1,5 +1,6 @@
 """The reverse loop (Algorithm 2) over any denoiser."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
@@ -21,6 +22,8 @@ class Walk:
     """Of the walk from T to 0; training does not know of it."""
     sampler: Literal["ddpm", "ddim"]
     """``ddpm`` draws from the posterior, ``ddim`` walks without new noise."""
+    hypotheses: int = 1
+    """How many noises a walk starts from; ``pcrdiff.denoising`` keeps the answer that fits best."""
 
 
 @runtime_checkable
@@ -36,21 +39,33 @@ class Denoiser(Protocol):
 
 def sample(
     denoise: Denoiser, batch: int, dim: int, walk: Walk, *, generator: torch.Generator
-) -> Float[Tensor, "batch dim"]:
-    """Walk from pure noise to clean vectors (Algorithm 2).
+) -> Float[Tensor, "hypotheses batch dim"]:
+    """Walk from pure noise to clean vectors (Algorithm 2), once from each of several noises.
 
     Returns:
-        The last prediction of x_0.
+        The last prediction of x_0 of each walk.
 
     Raises:
         ValueError: Not ``1 <= steps <= timesteps``.
     """
+    times = time_pairs(walk.timesteps, walk.steps)
+    noise = draw_noise(batch, walk.hypotheses * walk.steps, dim, generator=generator)
+    return torch.stack(
+        [walk_from(each, denoise, times, walk) for each in torch.split(noise, walk.steps)]
+    )
+
+
+def walk_from(
+    noise: Float[Tensor, "steps batch dim"],
+    denoise: Denoiser,
+    times: Sequence[tuple[int, int]],
+    walk: Walk,
+) -> Float[Tensor, "batch dim"]:
+    """The walk that starts at the first noise; ``ddpm`` adds one of the others at each step."""
     alphas_bar = cosine_alphas_bar(walk.timesteps)
-    pairs = time_pairs(walk.timesteps, walk.steps)
-    noise = draw_noise(batch, walk.steps, dim, generator=generator)
     x_t = x_0 = noise[0]
-    for step, (t, s) in enumerate(pairs, start=1):
-        x_0 = denoise(x_t, torch.full((batch,), t))
+    for step, (t, s) in enumerate(times, start=1):
+        x_0 = denoise(x_t, torch.full((x_t.shape[0],), t))
         if s == 0:
             break
         if walk.sampler == "ddim":

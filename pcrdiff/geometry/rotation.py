@@ -47,6 +47,26 @@ def quaternion_from_matrix(R: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*ba
     return torch.where(quaternion[..., :1] < 0, -quaternion, quaternion)
 
 
+def multiply_quaternions(
+    a: Float[Tensor, "*batch 4"], b: Float[Tensor, "*batch 4"]
+) -> Float[Tensor, "*batch 4"]:
+    """The product ``a b``: of two rotations, the one that turns by b first."""
+    aw, ax, ay, az = a.unbind(-1)
+    bw, bx, by, bz = b.unbind(-1)
+    parts = [
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    ]
+    return torch.stack(parts, dim=-1)
+
+
+def conjugate(quaternion: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 4"]:
+    """``(w, -x, -y, -z)``: of a unit quaternion, the inverse."""
+    return torch.cat([quaternion[..., :1], -quaternion[..., 1:]], dim=-1)
+
+
 def matrix_from_euler(angles: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
     """``Rx(a) @ Ry(b) @ Rz(c)`` for ``angles = (a, b, c)``: how the field draws its rotations."""
     (sa, sb, sc), (ca, cb, cc) = angles.sin().unbind(-1), angles.cos().unbind(-1)

@@ -4,6 +4,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from pcrdiff.geometry.rotation import quaternion_from_matrix
+
+SMALL = 1e-3  # radians; below it the series is as exact as the formula
+
 
 def hat(w: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
     """The matrix of the cross product: ``hat(w) @ x = w x x``."""
@@ -23,3 +27,28 @@ def exp_twist(twist: Float[Tensor, "*batch 6"]) -> Float[Tensor, "*batch 4 4"]:
     bottom = torch.zeros_like(upper[..., :1, :])
     T: Tensor = torch.linalg.matrix_exp(torch.cat([upper, bottom], dim=-2))
     return T
+
+
+def log_twist(T: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 6"]:
+    """Inverse of :func:`exp_twist` for turns of at most pi."""
+    quaternion = quaternion_from_matrix(T[..., :3, :3])
+    sine = quaternion[..., 1:].square().sum(dim=-1, keepdim=True)
+    tiny = sine < (SMALL / 2) ** 2
+    length = torch.where(tiny, torch.ones_like(sine), sine).sqrt()  # mask before the root
+    cosine = quaternion[..., :1]
+    w = quaternion[..., 1:] * torch.where(
+        tiny, 2 / cosine.clamp(min=0.5), 2 * torch.atan2(length, cosine) / length
+    )
+    t = T[..., :3, 3]
+    across = torch.linalg.cross(w, t)
+    bent = _bend(w.square().sum(dim=-1, keepdim=True)) * torch.linalg.cross(w, across)
+    return torch.cat([w, t - 0.5 * across + bent], dim=-1)
+
+
+def _bend(squared_angle: Float[Tensor, "*batch 1"]) -> Float[Tensor, "*batch 1"]:
+    """``(1 - (a / 2) cot(a / 2)) / a^2``, the second coefficient of the inverse of V."""
+    tiny = squared_angle < SMALL**2
+    squares = torch.where(tiny, torch.ones_like(squared_angle), squared_angle)
+    half = squares.sqrt() / 2
+    exact = (1 - half / torch.tan(half)) / squares
+    return torch.where(tiny, 1 / 12 + squared_angle / 720, exact)

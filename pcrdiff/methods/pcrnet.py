@@ -6,12 +6,14 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from pcrdiff.geometry.rigid import from_parts, from_pose_vector, transform
+from pcrdiff.geometry.representation import REPRESENTATIONS
+from pcrdiff.geometry.rigid import from_parts, transform
 from pcrdiff.losses import nearest_distance
 from pcrdiff.models.pointnet import PointNet
 from pcrdiff.models.pose_head import PoseHead
 from pcrdiff.registration import LearnedMethod, Pairs, check_clouds
 
+QUATERNION = REPRESENTATIONS["quaternion"]
 FIRST_STEP = 0.1  # of a fresh network's step; repeated whole steps lead training far astray
 
 
@@ -28,7 +30,7 @@ class PCRNet(LearnedMethod):
         """
         super().__init__()
         self.encoder = PointNet((64, 64, 64, 128, feature_dim))
-        self.head = PoseHead(dim=2 * feature_dim, widths=(1024, 1024, 512, 512, 256))
+        self.head = PoseHead(2 * feature_dim, (1024, 1024, 512, 512, 256), QUATERNION.dim)
         with torch.no_grad():
             for parameter in self.head.layers[-1].parameters():
                 parameter.mul_(FIRST_STEP)
@@ -42,8 +44,8 @@ class PCRNet(LearnedMethod):
     ) -> Float64[Tensor, "batch 4 4"]:
         """``R <- R_i R, t <- R_i t + t_i`` for the step that the network takes from T."""
         moved = transform(T.to(source), source)
-        step = self.head(self.encoder(moved), target_features)
-        return from_pose_vector(step.double()) @ T
+        step = self.head(torch.cat([self.encoder(moved), target_features], dim=-1)).double()
+        return QUATERNION.decode(QUATERNION.identity.to(step) + step) @ T
 
     def loss(self, pairs: Pairs, *, generator: torch.Generator) -> Mapping[str, Float[Tensor, ""]]:
         """Distance between the clouds after each update; the true pose is not used.

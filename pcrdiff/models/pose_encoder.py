@@ -1,10 +1,13 @@
 """F_t: what the decoder is told of the noisy pose and of the time."""
 
 import math
+from typing import Literal
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
+
+Diffusion = Literal["with", "without"]
 
 
 class PoseEncoder(nn.Module):
@@ -40,6 +43,26 @@ class PoseEncoder(nn.Module):
         """F_t, one row per pair."""
         encoded: Tensor = self.pose(x_t) + self.time(time_embedding(t, self.time_dim).to(x_t))
         return encoded
+
+
+class NoPoseEncoder(nn.Module):
+    """Table 3's "without diffusion": the decoder is told nothing of the noisy pose."""
+
+    def __init__(self, dim: int) -> None:
+        super().__init__()
+        self.dim = dim
+
+    def forward(
+        self, x_t: Float[Tensor, "batch pose"], t: Int[Tensor, " batch"]
+    ) -> Float[Tensor, "batch dim"]:
+        """Zeros, whatever the pose."""
+        del t
+        return x_t.new_zeros(len(x_t), self.dim)
+
+
+def make_pose_encoder(diffusion: Diffusion, pose_dim: int, dim: int) -> nn.Module:
+    """The encoder of a noisy pose of ``pose_dim`` entries, or what stands in its place."""
+    return PoseEncoder(pose_dim, dim) if diffusion == "with" else NoPoseEncoder(dim)
 
 
 def time_embedding(t: Int[Tensor, " batch"], dim: int) -> Float[Tensor, "batch dim"]:

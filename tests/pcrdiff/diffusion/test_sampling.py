@@ -42,7 +42,7 @@ def shrink(x_t: Tensor, t: Tensor) -> Tensor:
 def test_a_perfect_denoiser_is_believed(steps: int, sampler: Sampler) -> None:
     x_0 = torch.randn(3, 7, generator=seeded(0))
     walk = Walk(timesteps=20, steps=steps, sampler=sampler)
-    assert torch.equal(sample(Perfect(x_0), 3, 7, walk, generator=seeded(1)), x_0)
+    assert torch.equal(sample(Perfect(x_0), 3, 7, walk, generator=seeded(1))[0], x_0)
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)
@@ -58,16 +58,16 @@ def test_the_denoiser_is_asked_once_a_step_at_the_times_of_the_walk(
 @pytest.mark.parametrize("sampler", SAMPLERS)
 def test_a_batch_is_a_loop_over_its_items(sampler: Sampler) -> None:
     walk = Walk(timesteps=50, steps=4, sampler=sampler)
-    batch = sample(shrink, 5, 7, walk, generator=seeded(3))
+    (batch,) = sample(shrink, 5, 7, walk, generator=seeded(3))
     one_generator = seeded(3)
-    loop = [sample(shrink, 1, 7, walk, generator=one_generator) for _ in range(5)]
+    loop = [sample(shrink, 1, 7, walk, generator=one_generator)[0] for _ in range(5)]
     torch.testing.assert_close(batch, torch.cat(loop))
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)
 def test_the_seed_decides(sampler: Sampler) -> None:
     walk = Walk(timesteps=50, steps=4, sampler=sampler)
-    first, second, other = (sample(shrink, 2, 7, walk, generator=seeded(k)) for k in (4, 4, 5))
+    first, second, other = (sample(shrink, 2, 7, walk, generator=seeded(k))[0] for k in (4, 4, 5))
     assert torch.equal(first, second)
     assert not torch.allclose(first, other)
 
@@ -102,7 +102,7 @@ def test_the_walk_follows_the_device_of_the_denoiser(sampler: Sampler) -> None:
         del t
         return x_t.to("meta")
 
-    answer = sample(elsewhere, 2, 7, Walk(10, 3, sampler), generator=seeded(8))
+    (answer,) = sample(elsewhere, 2, 7, Walk(10, 3, sampler), generator=seeded(8))
     assert answer.device.type == "meta"
 
 
@@ -119,3 +119,13 @@ def test_refuses_a_walk_without_steps_or_with_more_than_times(steps: int) -> Non
     denoise: Denoiser = Perfect(torch.zeros(1, 7))
     with pytest.raises(ValueError, match=f"1 <= steps <= 10, got {steps}"):
         sample(denoise, 1, 7, Walk(10, steps, "ddim"), generator=seeded(10))
+
+
+def test_hypotheses_are_walks_from_noises_of_their_own() -> None:
+    walk = Walk(timesteps=30, steps=3, sampler="ddpm", hypotheses=4)
+    answers = sample(shrink, 5, 7, walk, generator=seeded(11))
+    assert answers.shape == (4, 5, 7)
+    assert len({tuple(answer.flatten().tolist()) for answer in answers}) == 4
+    one_by_one = seeded(11)
+    loop = [sample(shrink, 1, 7, walk, generator=one_by_one) for _ in range(5)]
+    torch.testing.assert_close(answers, torch.cat(loop, dim=1))

@@ -6,6 +6,7 @@ from typing import TypedDict
 import torch
 
 from pcrdiff.diffusion.sampling import Walk
+from pcrdiff.geometry.representation import RepresentationName
 from pcrdiff.methods.constant import Constant
 from pcrdiff.methods.dcp_v1 import DCPv1
 from pcrdiff.methods.dcp_v2 import DCPv2
@@ -26,6 +27,9 @@ from pcrdiff.methods.ransac_fpfh import RansacFPFH
 from pcrdiff.methods.rpmnet import RPMNet
 from pcrdiff.methods.small_gicp import SmallGICP
 from pcrdiff.methods.trimmed_icp import TrimmedICP
+from pcrdiff.models.fusion import Fusion
+from pcrdiff.models.pose_encoder import Diffusion
+from pcrdiff.models.pose_space import Scaling
 from pcrdiff.registration import LearnedMethod, Method
 from tests.pcrdiff.made_up_clouds import random_poses, seeded
 
@@ -50,16 +54,27 @@ def awaken(method: LearnedMethod) -> None:
             torch.nn.init.normal_(parameter, std=0.1)
 
 
-def make_cf(walk: Walk = WALK) -> PCRDiffusionCF:
+def make_cf(
+    walk: Walk = WALK,
+    representation: RepresentationName = "quaternion",
+    scaling: Scaling = "raw",
+    fusion: Fusion = "source",
+    diffusion: Diffusion = "with",
+) -> PCRDiffusionCF:
     torch.manual_seed(0)
-    method = PCRDiffusionCF(walk, feature_dim=32)
+    method = PCRDiffusionCF(walk, 32, representation, scaling, fusion, diffusion)
     awaken(method)
     return method
 
 
-def make_cb(walk: Walk = WALK) -> PCRDiffusionCB:
+def make_cb(
+    walk: Walk = WALK,
+    representation: RepresentationName = "quaternion",
+    scaling: Scaling = "raw",
+    diffusion: Diffusion = "with",
+) -> PCRDiffusionCB:
     torch.manual_seed(0)
-    method = PCRDiffusionCB(walk, feature_dim=16, neighbours=6, radius=0.5, sinkhorn_iterations=5)
+    method = PCRDiffusionCB(walk, 16, 6, 0.5, 5, representation, scaling, diffusion)
     awaken(method)
     return method
 

@@ -16,15 +16,14 @@ class Told(PCRDiffusionCF):
     """Decodes nothing but what it was told, and remembers what it was asked."""
 
     def __init__(self, answer: Tensor) -> None:
-        super().__init__(Walk(timesteps=20, steps=4, sampler="ddpm"), feature_dim=8)
+        walk = Walk(timesteps=20, steps=4, sampler="ddpm")
+        super().__init__(walk, 8, "quaternion", "raw", "source", "with")
         self.answer = answer
         self.times: list[list[int]] = []
 
-    def decode(
-        self, x_t: Tensor, t: Tensor, source_features: Tensor, target_features: Tensor
-    ) -> Tensor:
+    def denoise(self, x_t: Tensor, t: Tensor, encoded: tuple[Tensor, Tensor]) -> Tensor:
         """The answer."""
-        del source_features, target_features
+        del encoded
         self.times.append(t.tolist())
         assert x_t.shape == self.answer.shape
         return self.answer
@@ -49,7 +48,7 @@ def test_the_right_answer_has_no_loss() -> None:
     assert sum(terms.values()) < 1e-5
 
 
-def test_decodes_once_a_step_of_the_walk() -> None:
+def test_denoises_once_a_step_of_the_walk() -> None:
     pairs = made_up_pairs(2, 30, generator=seeded(0))
     method = Told(pose_vector(pairs.T_target_source).float())
     answer = method.register(pairs.source, pairs.target, generator=seeded(3))
@@ -72,8 +71,8 @@ def test_registering_is_algorithm_2_over_its_decoder() -> None:
     method, pairs = make_cf(), made_up_pairs(2, 30, generator=seeded(0))
     with torch.no_grad():
         features = method.encoder(pairs.source), method.encoder(pairs.target)
-        vector = sample(
-            lambda x_t, t: method.decode(x_t, t, *features), 2, 7, method.walk, generator=seeded(4)
+        (vector,) = sample(
+            lambda x_t, t: method.denoise(x_t, t, features), 2, 7, method.walk, generator=seeded(4)
         )
     answer = method.register(pairs.source, pairs.target, generator=seeded(4))
     torch.testing.assert_close(answer, from_pose_vector(vector))

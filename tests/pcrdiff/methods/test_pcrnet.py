@@ -24,7 +24,8 @@ class Told(PCRNet):
         super().__init__(feature_dim=16, train_updates=len(steps), probes=1000, updates=len(steps))
         self.steps, self.shown = iter(steps), list[Tensor]()
         self.encoder.register_forward_pre_hook(lambda _, inputs: self.shown.append(inputs[0]))
-        self.head.register_forward_hook(lambda *_: pose_vector(next(self.steps)).float())
+        identity = pose_vector(torch.eye(4))
+        self.head.register_forward_hook(lambda *_: pose_vector(next(self.steps)).float() - identity)
 
 
 def test_the_pose_is_put_together_from_the_steps_about_the_means() -> None:

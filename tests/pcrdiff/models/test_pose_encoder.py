@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from pcrdiff.models.pose_encoder import PoseEncoder, time_embedding
+from pcrdiff.models.pose_encoder import PoseEncoder, make_pose_encoder, time_embedding
 from tests.pcrdiff.made_up_clouds import seeded
 
 
@@ -54,3 +54,11 @@ def test_no_two_times_of_the_schedule_look_alike(dim: int) -> None:
     embedded = time_embedding(torch.arange(1001), dim)
     gaps = torch.cdist(embedded, embedded) + 10 * torch.eye(1001)
     assert gaps.min() > 0.05
+
+
+def test_without_diffusion_nothing_is_told_of_the_pose() -> None:
+    silent = make_pose_encoder("without", pose_dim=7, dim=16)
+    x_t = torch.randn(4, 7, generator=seeded(0))
+    assert torch.equal(silent(x_t, torch.full((4,), 3)), torch.zeros(4, 16))
+    assert list(silent.parameters()) == []
+    assert isinstance(make_pose_encoder("with", pose_dim=7, dim=16), PoseEncoder)

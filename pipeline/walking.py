@@ -1,0 +1,63 @@
+"""Following a walk back from noise step by step, for those who would rather look than read."""
+
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from pcrdiff.diffusion.sampling import sample
+from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
+from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
+from pipeline.artifacts import read_pairs
+from pipeline.evaluating import load_learned
+from pipeline.params import Params
+from pipeline.seeding import stream
+from pipeline.walks import Walk
+
+
+def follow_walks(params: Params, method: str, pairs: Path, weights: Path) -> list[Walk]:
+    """The walks of a few test pairs, evenly chosen, with the sampler of params.yaml.
+
+    Raises:
+        FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
+    """
+    shown = params.ablation.walk
+    steps = {"steps": shown.steps, "hypotheses": 1}
+    diffusion = params.diffusion.model_copy(update=steps)
+    trained = load_learned(method, "paper", params.methods, diffusion, weights)
+    if not isinstance(trained, PCRDiffusionCF | PCRDiffusionCB):
+        raise ValueError(f"{method} does not walk back from noise")
+    test = read_pairs(pairs, "test")
+    chosen = torch.linspace(0, len(test) - 1, min(shown.pairs, len(test))).round().long().tolist()
+    walks = []
+    for pair in dict.fromkeys(chosen):
+        seed = stream(params.seed, f"walk/{pair}")
+        clouds = test.source[pair : pair + 1], test.target[pair : pair + 1]
+        times, noisy, predicted = follow(trained, *clouds, seed=seed)
+        walks.append(Walk(method, pair, times, noisy.numpy(), predicted.numpy()))
+    return walks
+
+
+@torch.no_grad()
+def follow(
+    method: PCRDiffusionCF | PCRDiffusionCB, source: Tensor, target: Tensor, *, seed: int
+) -> tuple[tuple[int, ...], Tensor, Tensor]:
+    """Walk one pair back as ``register`` does, and keep what it passes.
+
+    Returns:
+        The time of each step, the noisy pose before it and the prediction made from that, both
+        ``[steps 4 4]`` in float64.
+    """
+    encoded = method.encode(source, target)
+    passed: list[tuple[int, Tensor, Tensor]] = []
+
+    def denoise(x_t: Tensor, t: Tensor) -> Tensor:
+        x_0 = method.denoise(x_t.to(source), t, encoded)  # type: ignore[arg-type]  # its own
+        passed.append((int(t[0]), x_t, x_0))
+        return x_0
+
+    generator = torch.Generator().manual_seed(seed)
+    sample(denoise, 1, method.space.dim, method.walk, generator=generator)
+    times, noisy, predicted = zip(*passed, strict=True)
+    as_poses = [method.space.decode(torch.cat(vectors).double()) for vectors in (noisy, predicted)]
+    return times, *as_poses
