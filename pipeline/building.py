@@ -20,7 +20,7 @@ from pcrdiff.methods.pointnetlk import PointNetLK
 from pcrdiff.methods.rpmnet import RPMNet
 from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.method_params import AnyLearned, Methods
-from pipeline.params import Diffusion
+from pipeline.params import DIFFUSED, Diffusion
 from pipeline.sections import Section, SettingName
 from pipeline.variants import AS_IT_IS, Variant
 
@@ -36,8 +36,6 @@ LEARNED: Mapping[str, Callable[..., LearnedMethod]] = {
     "pcrdiffusion_cf": PCRDiffusionCF,
     "pcrdiffusion_cb": PCRDiffusionCB,
 }
-DIFFUSED = ("pcrdiffusion_cf", "pcrdiffusion_cb")
-"""Those that walk a pose back from noise."""
 
 
 def settings_of(name: str, methods: Methods) -> list[SettingName]:

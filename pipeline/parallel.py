@@ -42,6 +42,9 @@ class Finished:
 
     stage: str
     seconds: float
+    """On the wall."""
+    cpu_seconds: float
+    """Of all its processes, DVC's part of the work included."""
 
 
 @dataclass
@@ -94,12 +97,13 @@ def timings(finished: Iterable[Finished]) -> list[str]:
     groups: dict[str, list[Finished]] = {}
     for one in finished:
         groups.setdefault(one.stage.partition("@")[0], []).append(one)
-    lines = ["", f"{'stages':20} {'count':>5} {'total s':>8} {'longest s':>9}"] if groups else []
+    lines = [f"{'':20} {'count':>5} {'total s':>8} {'CPU s':>8} {'longest s':>9}"] if groups else []
     for name, members in groups.items():
         longest = max(members, key=lambda one: one.seconds)
-        total = sum(one.seconds for one in members)
+        total, cpu = (sum(getattr(m, kind) for m in members) for kind in ("seconds", "cpu_seconds"))
         which = longest.stage.partition("@")[2]
-        lines.append(f"{name:20} {len(members):5} {total:8.1f} {longest.seconds:9.1f}  {which}")
+        numbers = f"{len(members):5} {total:8.1f} {cpu:8.1f} {longest.seconds:9.1f}"
+        lines.append(f"{name:20} {numbers}  {which}")
     return lines
 
 
@@ -209,13 +213,16 @@ class Launcher:
         self.running.remove(one)
         one.process.join()
         name = stage_name(one.stage)
-        if one.answer.poll():
-            self.lock.add(one.answer.recv())
-            self.ended.add(one.stage)
-        else:
+        try:
+            entry, cpu_seconds = one.answer.recv()
+        except EOFError:  # it ended without a word: DVC, or the stage, refused or was killed
             said = one.log.read_text(errors="replace").splitlines()[-LAST_LINES:]
             self.failure = "\n".join([f"stage {name} failed; the end of {one.log}:", *said])
-        return Finished(name, time.monotonic() - one.start)
+            cpu_seconds = 0.0
+        else:
+            self.lock.add(entry)
+            self.ended.add(one.stage)
+        return Finished(name, time.monotonic() - one.start, cpu_seconds)
 
 
 def _is_alone(stage: Any) -> bool:  # noqa: ANN401  DVC's own stage
@@ -231,6 +238,6 @@ def reproduce(repo: Any, stage: Any, answer: Connection, log: Path) -> None:  # 
             try:
                 with repo.lock:
                     stage.reproduce()
-                answer.send(to_lockfile(stage))
+                answer.send((to_lockfile(stage), sum(os.times()[:4])))
             except DvcException as error:
                 file.write(f"{error}\n")

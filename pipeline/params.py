@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from math import radians
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar, get_args
+from typing import Annotated, Literal, TypeVar
 
 import yaml
 from pydantic import Field, ValidationError, model_validator
@@ -166,7 +166,8 @@ class Training(Section):
     """The section that its answers depend on: ``diffusion`` if it samples, else its settings."""
 
 
-Diffused = Literal["pcrdiffusion_cf", "pcrdiffusion_cb"]
+DIFFUSED = ("pcrdiffusion_cf", "pcrdiffusion_cb")
+"""The methods that walk a pose back from noise."""
 Listed = Annotated[list[T], Field(min_length=1)]
 
 
@@ -201,8 +202,8 @@ class Ablation(Section):
     """
 
     scenario: str
-    methods: Listed[Diffused]
-    epochs: dict[Diffused, Count]
+    methods: Listed[str]
+    epochs: dict[str, Count]
     diffusions: Listed[WithOrWithout]
     representations: Listed[Representation]
     scalings: Listed[Scaling]
@@ -253,15 +254,22 @@ class Params(Section):
                 raise ValueError(f"scenarios.{name}.dataset {scenario.dataset!r} is not in acquire")
         for name, training in self.trainings.items():
             self._check_training(name, training)
-        for name, scenario in self._scenarios_named().items():
-            if scenario not in self.scenarios:
-                raise ValueError(f"{name} {scenario!r} is not in scenarios")
-        for name, training in self._trainings_named():
-            if training not in self.trainings:
-                raise ValueError(f"{name} needs {training!r}, which trainings has not")
-        for name, method, answers in self._answers_named():
-            _check_answers(name, method, answers)
+        self._check_what_is_named()
         return self
+
+    def _check_what_is_named(self) -> None:
+        """What ablations and timing name is there."""
+        for where, scenario in self._scenarios_named().items():
+            if scenario not in self.scenarios:
+                raise ValueError(f"{where} {scenario!r} is not in scenarios")
+        for method in self.ablation.methods:
+            if method not in DIFFUSED:
+                raise ValueError(f"ablation.methods needs some of {list(DIFFUSED)}, got {method!r}")
+        for where, training in self._trainings_named():
+            if training not in self.trainings:
+                raise ValueError(f"{where} needs {training!r}, which trainings has not")
+        for where, method, answers in self._answers_named():
+            _check_answers(where, method, answers)
 
     def _scenarios_named(self) -> dict[str, str]:
         """Where a section names a scenario, and which."""
@@ -319,7 +327,7 @@ def learned_names() -> list[str]:
 
 def _check_answers(where: str, method: str, answers: str) -> None:
     """DVC is told by this key what an evaluation depends on; it must not be told wrong."""
-    needed = "diffusion" if method in get_args(Diffused) else f"methods.{method}.settings"
+    needed = "diffusion" if method in DIFFUSED else f"methods.{method}.settings"
     if answers != needed:
         raise ValueError(f"{where}.answers needs {needed!r}, got {answers!r}")
 

@@ -35,9 +35,12 @@ def time_method(
         FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
     """
     settings = load_settings(params, name, pairs, weights)
-    test = read_pairs(pairs, "test").select(torch.arange(params.timing.pairs))
+    test, wanted = read_pairs(pairs, "test"), params.timing.pairs
+    if wanted > len(test):
+        raise ValueError(f"timing.pairs needs at most the {len(test)} test pairs, got {wanted}")
+    first = test.select(torch.arange(wanted))
     return {
-        setting: time_pairs(method, test, params.timing.warm_up)
+        setting: time_pairs(method, first, params.timing.warm_up)
         for setting, method in settings.items()
     }
 

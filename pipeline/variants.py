@@ -24,7 +24,10 @@ def _diffusion(ablation: Ablation) -> Axes:
 
 
 def _representation(ablation: Ablation) -> Axes:
-    axes = {"representation": ablation.representations, "scaling": ablation.scalings}
+    axes = {
+        "representation": list[str](ablation.representations),
+        "scaling": list[str](ablation.scalings),
+    }
     return ablation.methods, axes
 
 

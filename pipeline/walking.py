@@ -49,15 +49,18 @@ def follow(
         ``[steps 4 4]`` in float64.
     """
     encoded = method.encode(source, target)
-    passed: list[tuple[int, Tensor, Tensor]] = []
+    times, noisy, predicted = list[int](), list[Tensor](), list[Tensor]()
 
     def denoise(x_t: Tensor, t: Tensor) -> Tensor:
         x_0 = method.denoise(x_t.to(source), t, encoded)  # type: ignore[arg-type]  # its own
-        passed.append((int(t[0]), x_t, x_0))
+        times.append(int(t[0]))
+        noisy.append(x_t)
+        predicted.append(x_0)
         return x_0
 
     generator = torch.Generator().manual_seed(seed)
     sample(denoise, 1, method.space.dim, method.walk, generator=generator)
-    times, noisy, predicted = zip(*passed, strict=True)
-    as_poses = [method.space.decode(torch.cat(vectors).double()) for vectors in (noisy, predicted)]
-    return times, *as_poses
+    noisy_poses, predicted_poses = (
+        method.space.decode(torch.cat(vectors).double()) for vectors in (noisy, predicted)
+    )
+    return tuple(times), noisy_poses, predicted_poses

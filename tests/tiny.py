@@ -24,7 +24,7 @@ RAW = Path("data/raw/modelnet40")
 CATEGORIES = ("bed", "chair", "sofa")
 CORNERS = [[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]
 FACES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-DONE = ("acquire@modelnet40", "preprocess", "train", "evaluate", "ablate")
+DONE = ("acquire@modelnet40", "preprocess", "train", "evaluate", "ablate", "walk", "time")
 """The beginnings of the names of those stages that a made project has behind it."""
 
 
@@ -37,10 +37,30 @@ def tiny_params() -> dict[str, Any]:
     params |= {"threads": 1, "scenarios": {SCENARIO: scenario}}
     params["run"]["scenarios"] = [SCENARIO]
     params["trainings"] = {
-        f"{SCENARIO}-{method}": {"scenario": SCENARIO, "method": method, "epochs": 3}
+        f"{SCENARIO}-{method}": {
+            "scenario": SCENARIO,
+            "method": method,
+            "epochs": 3,
+            "answers": "diffusion",
+        }
         for method in (CF, CB)
     }
-    params["ablation"] = {"scenario": SCENARIO, "methods": [CF, CB], "steps": [1, 2]}
+    params["ablation"] |= {
+        "epochs": {CF: 2, CB: 2},
+        "representations": ["quaternion", "twist"],
+        "steps": [1, 2],
+        "sampling": {"samplers": ["ddpm", "ddim"], "draws": 2},
+        "hypotheses": [1, 2],
+        "walk": {"steps": 3, "pairs": 2},
+    }
+    noise = {"scenario": SCENARIO, "methods": ["identity", CF], "deviations": [0.0, 0.02]}
+    params["ablation"]["noise"] = noise
+    timing = {
+        "pairs": 2,
+        "warm_up": 1,
+        "learned": {name: {"answers": "diffusion"} for name in (CF, CB)},
+    }
+    params["timing"] |= timing
     acquire = params["acquire"]
     acquire["modelnet40"] |= {"source": "local", "root": "boxes", "synthetic": None}
     acquire["3dmatch"]["synthetic"] = {

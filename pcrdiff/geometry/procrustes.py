@@ -62,4 +62,5 @@ def nearest_rotation(M: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3 
     skew = R.mT @ M - M.mT @ R
     torque = torch.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], dim=-1)
     turn: Tensor = torch.linalg.solve(lever, torque)
-    return R + R @ hat(turn)
+    turned: Tensor = R + R @ hat(turn)
+    return turned

@@ -5,48 +5,109 @@ from pathlib import Path
 import pytest
 import torch
 
-from pipeline.ablating import ABLATIONS, ablate_steps
+from pipeline.ablating import ABLATIONS, Given, ablate_steps, add_noise
+from pipeline.artifacts import read_pairs
 from pipeline.evaluating import evaluate_method
-from pipeline.params import Ablation, read_params
+from pipeline.params import read_params
 from tests.described import read_templates
 from tests.tiny import CB, CF, PAIRS, SCENARIO
 
 MODELS = Path(f"models/{SCENARIO}")
+WALKS = [
+    f"steps={n},sampler={s}{d}" for s in ("ddpm", "ddim") for n in (1, 2) for d in ("", ",draw=1")
+]
+SETTINGS = {
+    "diffusion": ["diffusion=with", "diffusion=without"],
+    "representation": [
+        f"representation={r},scaling={s}"
+        for r in ("quaternion", "twist")
+        for s in ("raw", "standardised")
+    ],
+    "fusion": ["fusion=source", "fusion=target", "fusion=concat"],
+    "steps": WALKS,
+    "hypotheses": ["hypotheses=1", "hypotheses=2"],
+    "noise": ["noise=0", "noise=0.02"],
+}
+METHODS = {"fusion": [CF], "noise": ["identity", CF]}
 
 
-def test_each_learned_method_answers_under_each_number_of_steps(project: Path) -> None:
-    test, answers = ablate_steps(read_params(), project / PAIRS, MODELS)
-    assert list(answers) == [CF, CB]
+def given(project: Path, models: Path = MODELS) -> Given:
+    return Given(read_params(), project / PAIRS, models)
+
+
+def models_of(name: str) -> Path:
+    return (
+        Path("models/ablations") / name
+        if name in ("diffusion", "representation", "fusion")
+        else MODELS
+    )
+
+
+@pytest.mark.parametrize("name", ABLATIONS)
+def test_each_method_answers_all_pairs_under_each_value(project: Path, name: str) -> None:
+    test, answers = ABLATIONS[name](given(project, models_of(name)))
+    assert list(answers) == METHODS.get(name, [CF, CB])
     for settings in answers.values():
-        assert list(settings) == ["steps=1", "steps=2"]
-        assert all(len(given.failures) == len(test) for given in settings.values())
+        assert list(settings) == SETTINGS[name]
+        assert all(len(found.failures) == len(test) for found in settings.values())
 
 
-def test_more_steps_give_another_answer(project: Path) -> None:
-    _, answers = ablate_steps(read_params(), project / PAIRS, MODELS)
-    one, two = (given.T_target_source for given in answers[CF].values())
-    assert not torch.allclose(one, two, atol=1e-6)
+def test_more_steps_another_sampler_and_another_draw_give_another_answer(project: Path) -> None:
+    _, answers = ablate_steps(given(project))
+    poses = {setting: found.T_target_source for setting, found in answers[CF].items()}
+    first = poses["steps=2,sampler=ddpm"]
+    for other in ("steps=1,sampler=ddpm", "steps=2,sampler=ddim", "steps=2,sampler=ddpm,draw=1"):
+        assert not torch.allclose(first, poses[other], atol=1e-6), other
 
 
-def test_the_steps_of_the_evaluation_give_the_evaluation_s_answers(project: Path) -> None:
+def test_the_walk_of_the_evaluation_gives_the_evaluation_s_answers(project: Path) -> None:
     params = read_params()
-    _, answers = ablate_steps(params, project / PAIRS, MODELS)
+    _, answers = ablate_steps(given(project))
     _, evaluated = evaluate_method(params, CF, project / PAIRS, MODELS / f"{CF}.safetensors")
-    given = answers[CF][f"steps={params.diffusion.steps}"]
-    assert torch.equal(given.T_target_source, evaluated["paper"].T_target_source)
+    walk = answers[CF][f"steps={params.diffusion.steps},sampler={params.diffusion.sampler}"]
+    assert torch.equal(walk.T_target_source, evaluated["paper"].T_target_source)
 
 
-def test_the_steps_of_the_evaluation_are_always_among_them(project: Path) -> None:
-    ablation = Ablation(scenario=SCENARIO, methods=[CF, CB], steps=[5, 2, 5])
-    params = read_params().model_copy(update={"ablation": ablation})
-    _, answers = ablate_steps(params, project / PAIRS, MODELS)
-    assert list(answers[CF]) == ["steps=1", "steps=2", "steps=5"]
+def test_one_hypothesis_is_the_evaluation(project: Path) -> None:
+    _, answers = ABLATIONS["hypotheses"](given(project))
+    weights = MODELS / f"{CB}.safetensors"
+    _, evaluated = evaluate_method(read_params(), CB, project / PAIRS, weights)
+    found = answers[CB]["hypotheses=1"].T_target_source
+    assert torch.equal(found, evaluated["paper"].T_target_source)
 
 
-def test_refuses_a_folder_without_weights(project: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=rf"{CF}\.safetensors, there are none: run train"):
-        ablate_steps(read_params(), project / PAIRS, project / "nowhere")
+def test_without_diffusion_the_walk_does_not_matter(project: Path) -> None:
+    folder = Path("models/ablations/diffusion")
+    params = read_params()
+    longer = params.diffusion.model_copy(update={"steps": 4})
+    more = Given(params.model_copy(update={"diffusion": longer}), project / PAIRS, folder)
+    _, one = ABLATIONS["diffusion"](given(project, folder))
+    _, four = ABLATIONS["diffusion"](more)
+    for method in (CF, CB):
+        a, b = (found[method]["diffusion=without"].T_target_source for found in (one, four))
+        torch.testing.assert_close(a, b, atol=1e-6, rtol=0)
+        a, b = (found[method]["diffusion=with"].T_target_source for found in (one, four))
+        assert not torch.allclose(a, b, atol=1e-6)
+
+
+def test_noise_has_the_deviation_it_says_and_grows_from_the_same_draw(project: Path) -> None:
+    pairs = read_pairs(project / PAIRS, "test")
+    little, much = (add_noise(pairs, deviation, seed=3) for deviation in (0.01, 0.02))
+    for name in ("source", "target"):
+        clean = getattr(pairs, name)
+        noise, more = (getattr(noisy, name) - clean for noisy in (little, much))
+        assert noise.std().item() == pytest.approx(0.01, rel=0.1)
+        torch.testing.assert_close(more, 2 * noise, atol=1e-6, rtol=0)
+    assert not torch.allclose(little.source - pairs.source, little.target - pairs.target)
+    assert add_noise(pairs, 0.0, seed=3) is pairs
+    assert torch.equal(add_noise(pairs, 0.01, seed=3).source, little.source)
+
+
+@pytest.mark.parametrize("name", ["steps", "representation"])
+def test_refuses_a_folder_without_weights(project: Path, name: str) -> None:
+    with pytest.raises(FileNotFoundError, match=r"\.safetensors, there are none: run train"):
+        ABLATIONS[name](given(project, project / "nowhere"))
 
 
 def test_dvc_yaml_runs_every_ablation() -> None:
-    assert set(read_templates()["ablate"]["matrix"]["name"]) == ABLATIONS.keys()
+    assert set(read_templates()["ablate"]["foreach"]) == ABLATIONS.keys()

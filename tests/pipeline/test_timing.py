@@ -1,0 +1,91 @@
+"""What a registration costs."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from pipeline.params import read_params
+from pipeline.timing import COLUMNS, Cost, summarise, time_method, time_pairs, write_costs
+from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+from tests.described import REPOSITORY
+from tests.tiny import CF, PAIRS, SCENARIO
+
+
+class Slow:
+    """Takes its time and its memory, and fails on every pair but the first."""
+
+    name = "slow"
+
+    def __init__(self, mebibytes: int = 0) -> None:
+        self.mebibytes = mebibytes
+        self.calls = 0
+
+    def register(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
+        """The identity, once."""
+        del target, generator
+        self.calls += 1
+        time.sleep(0.02)
+        np.ones(self.mebibytes << 20, np.uint8)
+        if self.calls > 1:
+            raise ValueError("enough")
+        return torch.eye(4).expand(len(source), 4, 4)
+
+
+def test_every_pair_is_timed_after_the_warm_up_even_where_the_method_fails() -> None:
+    method, pairs = Slow(), made_up_pairs(3, 20, generator=seeded(0))
+    costs = time_pairs(method, pairs, warm_up=2)
+    assert method.calls == 5
+    assert len(costs) == 3
+    assert all(0.02 <= cost.seconds < 1 for cost in costs)
+
+
+IN_A_FRESH_PROCESS = """
+from tests.pipeline.test_timing import Slow
+from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+from pipeline.timing import time_pairs
+pairs = made_up_pairs(2, 20, generator=seeded(0))
+print(*(cost.peak_memory_mib for cost in time_pairs(Slow(mebibytes=64), pairs, warm_up=1)))
+"""
+
+
+def test_memory_is_what_the_registration_needs_above_what_was_there() -> None:
+    command = [sys.executable, "-c", IN_A_FRESH_PROCESS]  # this one has freed memory to spare
+    done = subprocess.run(command, cwd=REPOSITORY, check=True, capture_output=True, text=True)
+    assert all(60 <= float(mebibytes) < 100 for mebibytes in done.stdout.split())
+
+
+def test_a_method_is_timed_in_each_of_its_settings_on_as_many_pairs_as_asked(
+    project: Path,
+) -> None:
+    params = read_params()
+    learned = time_method(params, CF, project / PAIRS, Path(f"models/{SCENARIO}/{CF}.safetensors"))
+    classical = time_method(params, "icp", project / PAIRS, None)
+    assert {name: len(costs) for name, costs in learned.items()} == {"paper": 2}
+    assert {name: len(costs) for name, costs in classical.items()} == {"paper": 2, "official": 2}
+
+
+def test_more_pairs_than_there_are_is_refused_in_a_sentence(project: Path) -> None:
+    params = read_params()
+    many = params.timing.model_copy(update={"pairs": 4000})
+    with pytest.raises(ValueError, match=r"timing.pairs needs at most the 3 test pairs, got 4000"):
+        time_method(params.model_copy(update={"timing": many}), "icp", project / PAIRS, None)
+
+
+def test_a_row_a_setting_and_pair_is_written_and_the_means_are_told(tmp_path: Path) -> None:
+    costs = {"paper": [Cost(0.25, 1.5), Cost(0.75, 2.5)], "official": [Cost(1.0, 0.0)]}
+    write_costs(tmp_path / "x.csv", costs)
+    lines = (tmp_path / "x.csv").read_text().splitlines()
+    assert lines == [
+        ",".join(COLUMNS),
+        "0,paper,0.25,1.5",
+        "1,paper,0.75,2.5",
+        "0,official,1.0,0.0",
+    ]
+    assert summarise(costs)["paper.seconds"] == 0.5
+    assert summarise(costs)["paper.peak_memory_mib"] == 2.0

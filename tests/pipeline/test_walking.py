@@ -1,0 +1,60 @@
+"""A walk that is followed is the walk that is taken."""
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from pcrdiff.diffusion.process import time_pairs
+from pcrdiff.diffusion.sampling import Walk
+from pipeline.params import read_params
+from pipeline.walking import follow, follow_walks
+from pipeline.walks import read_walks, write_walks
+from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+from tests.pcrdiff.methods.made_up_methods import make_cb, make_cf
+from tests.tiny import CF, PAIRS, SCENARIO
+
+WALK = Walk(timesteps=20, steps=4, sampler="ddpm")
+
+
+@pytest.mark.parametrize("make", [make_cf, make_cb])
+def test_the_last_prediction_is_the_registration(make: type[make_cf]) -> None:  # type: ignore[valid-type]
+    method, pairs = make(WALK), made_up_pairs(1, 40, generator=seeded(0))
+    times, noisy, predicted = follow(method, pairs.source, pairs.target, seed=5)
+    answer = method.register(pairs.source, pairs.target, generator=seeded(5))
+    torch.testing.assert_close(predicted[-1:].float(), answer)
+    assert list(times) == [t for t, _ in time_pairs(20, 4)]
+    assert noisy.shape == predicted.shape == (4, 4, 4)
+    assert not torch.allclose(noisy[0], noisy[-1])
+
+
+def test_walks_of_pairs_from_first_to_last_are_written_and_read_again(
+    project: Path, tmp_path: Path
+) -> None:
+    weights = Path(f"models/{SCENARIO}/{CF}.safetensors")
+    walks = follow_walks(read_params(), CF, project / PAIRS, weights)
+    assert [walk.pair for walk in walks] == [0, 2]
+    assert all(len(walk.times) == 3 for walk in walks)
+    write_walks(tmp_path / f"{CF}.csv", walks)
+    again = read_walks(tmp_path / f"{CF}.csv")
+    for ours, theirs in zip(walks, again, strict=True):
+        assert (ours.method, ours.pair, ours.times) == (theirs.method, theirs.pair, theirs.times)
+        assert (ours.noisy == theirs.noisy).all()
+        assert (ours.predicted == theirs.predicted).all()
+
+
+def test_a_file_with_other_columns_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_text("pair,step\n0,1\n")
+    with pytest.raises(ValueError, match="needs the columns pair, step, time"):
+        read_walks(tmp_path / "x.csv")
+
+
+def test_a_method_that_does_not_walk_is_refused(project: Path) -> None:
+    from pipeline.artifacts import write_weights
+    from pipeline.building import build_learned
+
+    params = read_params()
+    other = build_learned("dcp_v1", "paper", params.methods, params.diffusion)
+    write_weights(Path("dcp.safetensors"), other.state_dict(), {"method": "dcp_v1"})
+    with pytest.raises(ValueError, match="dcp_v1 does not walk back from noise"):
+        follow_walks(params, "dcp_v1", project / PAIRS, Path("dcp.safetensors"))
