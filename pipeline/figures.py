@@ -19,8 +19,12 @@ KINDS = {"floor": GREY, "classical": ORANGE, "learned": BLUE}
 KIND_SYMBOLS = {"floor": "square", "classical": "triangle-up", "learned": "circle"}
 """A second sign of the kind, for eyes and printers that do not tell the colours apart."""
 CYCLE = (BLUE, RED, GREEN, "#CC79A7", ORANGE, "#56B4E9", "#000000", "#B8A800", "#882255", "#6E4B9B")
-SYMBOLS = ("circle", "square", "diamond", "cross", "x", "triangle-up", "triangle-down", "pentagon",
-           "star", "hexagram")  # fmt: skip
+SYMBOLS = {
+    "floor": ("square", "circle", "diamond"),
+    "classical": tuple(f"triangle-{way}" for way in ("up", "down", "right", "ne", "sw", "nw", "se")),
+    "learned": ("circle", "square", "diamond", "cross", "x", "pentagon", "star", "hexagram",
+                "star-diamond", "octagon"),
+}  # fmt: skip
 DASHES = {"floor": "dot", "classical": "dash", "learned": "solid"}
 SMALLEST = {"error_r_deg": 1e-3, "error_t": 1e-5}
 """Nothing is drawn smaller than this on a logarithmic axis: it sits there, as a triangle."""
@@ -48,7 +52,10 @@ def layout(height: int, **more: object) -> Figure:
 def legend_beside() -> Figure:
     """A legend at the right, one name a line, for figures of many methods."""
     margin = {"l": 60, "r": 190, "t": 30, "b": 50}
-    return {"margin": margin, "legend": {"x": 1.01, "y": 1, "font": {"size": 11}}}
+    return {
+        "margin": margin,
+        "legend": {"x": 1.01, "y": 1, "font": {"size": 11}, "tracegroupgap": 0},
+    }
 
 
 def axis(label: str | None, **more: object) -> Figure:
@@ -97,8 +104,9 @@ def method_color(method: str) -> str:
 
 def method_style(method: str) -> Figure:
     """Give a method's line: colour, a dash for its kind, a symbol of its own within the kind."""
-    style = {"color": method_color(method), "dash": DASHES[shown(method).kind], "width": 1.6}
-    symbol = SYMBOLS[_index(method) % len(SYMBOLS)]
+    kind = shown(method).kind
+    style = {"color": method_color(method), "dash": DASHES[kind], "width": 1.6}
+    symbol = SYMBOLS[kind][_index(method) % len(SYMBOLS[kind])]
     return {"line": style, "marker": {"symbol": symbol, "size": 7, "color": style["color"]}}
 
 

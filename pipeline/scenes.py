@@ -39,8 +39,8 @@ def walk_figure(unit: str) -> Figure:
     return {
         "data": [
             _cloud("target", ORANGE, "scene"),
-            _cloud("source under the noisy pose G_t", BLUE, "scene"),
-            _cloud("source under the prediction of G_0", GREEN, "scene"),
+            _cloud("source under the noisy pose G<sub>t</sub>", BLUE, "scene"),
+            _cloud("source under the prediction of G<sub>0</sub>", GREEN, "scene"),
         ],
         "layout": _layout(scene=_scene(unit)),
     }

@@ -43,6 +43,8 @@ MEASURES = {
     "below_5_deg_percent": "pairs below 5° [%]",
     "error_t": "mean ERROR(t) [unit sphere]",
 }
+WIDE = 20
+"""Ratio of largest to smallest from which an axis is logarithmic."""
 NOT_TIMED = 1e-6
 """Seconds below which a printed time is a bound ("< 1e-10"), drawn at the edge."""
 
@@ -61,10 +63,12 @@ def error_labels(unit: str) -> dict[str, str]:
 
 
 def ablation_rows(rows: Iterable[Row], table: str) -> list[Row]:
-    """Pick the rows of one ablation in the order of its table."""
+    """Pick the rows of one ablation, method by method; what the paper has comes first."""
     key = f"{ABLATED[table]}="
     found = [r for r in whole(rows) if r.table == table and r.setting.startswith(key)]
-    return sorted(found, key=lambda row: (method_rank(row.method), natural(row.setting)))
+    return sorted(
+        found, key=lambda row: (method_rank(row.method), row.paper is None, natural(row.setting))
+    )
 
 
 def ablation_figure(rows: Sequence[Row], unit: str) -> Figure:
@@ -79,7 +83,7 @@ def ablation_figure(rows: Sequence[Row], unit: str) -> Figure:
         chosen = [row for row in rows if row.metric == metric]
         start = axis_start(chosen, metric)
         figure["layout"][f"xaxis{x[1:]}"] = axis(
-            label, type="log", domain=([0, 0.48], [0.52, 1])[index], anchor=y, dtick=1
+            label, domain=([0, 0.48], [0.52, 1])[index], anchor=y, **_scale(chosen, start)
         )
         figure["layout"][f"yaxis{y[1:]}"] = category_axis(
             names, anchor=x, showticklabels=index == 0
@@ -89,11 +93,22 @@ def ablation_figure(rows: Sequence[Row], unit: str) -> Figure:
     return figure
 
 
+def _scale(rows: Sequence[Row], start: float) -> Figure:
+    """Start at zero, unless the largest would hide the smallest."""
+    drawn = [max(value, start) for row in rows for value in (row.value, row.paper) if value]
+    if max(drawn, default=1.0) < WIDE * min(drawn, default=1.0):
+        return {"rangemode": "tozero"}
+    return {"type": "log", "dtick": "D2", "minorloglabels": "complete"}
+
+
 def ablated_name(method: str, setting: str) -> str:
     """Say which line of an ablation this is: the method and the values, without their keys."""
     key = setting.partition("=")[0]
     values = ", ".join(part.partition("=")[2] for part in setting.split(","))
-    said = {"diffusion": f"{values} diffusion", "hypotheses": f"{values} random starts"}
+    said = {
+        "diffusion": f"{values} diffusion",
+        "hypotheses": f"{values} random start{'s' * (values != '1')}",
+    }
     return f"{shown(method).name}, {said.get(key, values.replace('_', ' '))}"
 
 

@@ -72,17 +72,25 @@ document.getElementById("show-all").addEventListener("click", () => {
   form.reset();
   applyFilter();
 });
-document.addEventListener("click", (event) => {  // the list of methods closes when one clicks elsewhere
-  const list = form.querySelector("details");
+const list = form.querySelector("details");
+document.addEventListener("click", (event) => {
   if (!list.contains(event.target)) list.open = false;
 });
-addEventListener("hashchange", () => {  // a link within the page keeps the filter
-  if (location.hash.includes("?")) readAddress();
-  applyFilter();
+document.addEventListener("keydown", (event) => {
+  if (event.key === "Escape") list.open = false;
 });
-readAddress();
-applyFilter();
-{
+addEventListener("hashchange", () => {  // a link within the page keeps the filter
+  if (!location.hash.includes("?")) { writeAddress(); return; }
+  readAddress();
+  applyFilter();
+  goToSection();
+});
+
+function goToSection() {  // the browser finds no section by an address that has a filter in it
   const section = document.getElementById(location.hash.slice(1).split("?")[0]);
   if (section && location.hash.includes("?")) section.scrollIntoView();
 }
+
+readAddress();
+applyFilter();
+goToSection();
