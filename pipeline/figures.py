@@ -84,6 +84,11 @@ def category_axis(names: Sequence[str], **more: object) -> Figure:
     )
 
 
+def whose_lines(methods: Sequence[str]) -> Figure:
+    """Tell the page whose each category is and how high, from the axis upwards."""
+    return {"categories": [*reversed(methods)], "line_height": LINE_HEIGHT}
+
+
 def axis_names(index: int) -> tuple[str, str]:
     """Name the axes of a panel, as its traces do."""
     suffix = str(index + 1) if index else ""
@@ -171,7 +176,7 @@ def errors_figure(rows: Sequence[Row], scenario: str, metric: str, label: str) -
             xaxis=axis(label, type="log", range=extent, dtick=1),
             yaxis=category_axis([shown(method).name for method in methods]),
             shapes=_constant_line(here, start),
-            meta={"categories": [*reversed(methods)]},
+            meta=whose_lines(methods),
         ),
     }
 

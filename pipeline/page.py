@@ -1,8 +1,9 @@
 """The report as one self-contained page: findings, tables, charts, clouds to turn, provenance."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any
 
@@ -116,11 +117,17 @@ def render_page(contents: Contents) -> str:
         walks=walks,
         trainings=_in_order(contents.trainings),
         figures=figures,
+        drawn=partial(_drawn, figures),
         recorded={name: flatten(contents.facts[name].provenance) for name in scenarios},
         plotly=get_plotlyjs(),
         figure_data=_script_safe(figures),
         scene_data=_script_safe(scene_data(contents.overlays, walks, contents.walked)),
     )
+
+
+def _drawn(figures: Mapping[str, Figure], prefix: str, names: Iterable[str]) -> list[str]:
+    """List what has a figure of this kind."""
+    return [name for name in names if f"{prefix}{name}" in figures]
 
 
 def _script_safe(data: Mapping[str, Any]) -> str:

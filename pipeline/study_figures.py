@@ -23,6 +23,7 @@ from pipeline.figures import (
     legend_beside,
     method_style,
     points,
+    whose_lines,
 )
 from pipeline.paper import method_rank, shown
 from pipeline.tables import Row
@@ -76,7 +77,7 @@ def ablation_figure(rows: Sequence[Row], unit: str) -> Figure:
     lines = list(dict.fromkeys((row.method, row.setting) for row in rows))
     names = [ablated_name(*line) for line in lines]
     figure: Figure = {"data": [], "layout": layout(LINE_HEIGHT * len(names) + 120)}
-    figure["layout"]["meta"] = {"categories": [method for method, _ in reversed(lines)]}
+    figure["layout"]["meta"] = whose_lines([method for method, _ in lines])
     figure["layout"]["margin"] = {"l": 60, "r": 16, "t": 34, "b": 50}
     for index, (metric, label) in enumerate(error_labels(unit).items()):
         x, y = axis_names(index)

@@ -1,7 +1,6 @@
 // Plots: drawn when they come into sight, and only what the filter lets through.
 const FIGURES = JSON.parse(document.getElementById("figures").textContent);
 const CONFIG = {displaylogo: false, responsive: true, modeBarButtonsToRemove: ["select2d", "lasso2d", "resetCameraLastSave3d", "tableRotation"]};
-const LINE_HEIGHT = 22;
 const sight = new IntersectionObserver((seen) => {
   for (const one of seen) if (one.isIntersecting) draw(one.target);
 }, {rootMargin: "500px"});
@@ -32,14 +31,14 @@ function redraw(plot) {  // after the filter changed
 function sifted(figure) {  // the figure without the methods that the filter hides
   const data = figure.data.map(siftedTrace).filter((trace) => trace !== null);
   const layout = structuredClone(figure.layout);
-  const methods = (layout.meta || {}).categories;
-  if (methods) {
+  if (layout.meta) {
+    const {categories: methods, line_height: height} = layout.meta;
     for (const axis of Object.keys(layout).filter((name) => name.startsWith("yaxis"))) {
       const kept = layout[axis].categoryarray.filter((_, index) => isShown(methods[index]));
       layout[axis].categoryarray = kept;
       layout[axis].range = [-0.6, kept.length - 0.4];
     }
-    layout.height -= LINE_HEIGHT * methods.filter((method) => !isShown(method)).length;
+    layout.height -= height * methods.filter((method) => !isShown(method)).length;
   }
   return {data, layout};
 }
