@@ -1,18 +1,23 @@
-"""One telling pair of each data set: source, target, and source as each method registered it."""
+"""Telling pairs of each data set: source, target, and source as each method registered it."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64
 
-from pipeline.background import PairFacts, read_pair_facts, read_test_pair
+from pcrdiff.registration import Pairs
+from pipeline.artifacts import read_pairs
+from pipeline.background import PairFacts, read_pair_facts
 from pipeline.paper import method_rank, place, scenario_rank, shown
 from pipeline.result_files import Scores
+from pipeline.walks import Walk
 
-OVERLAID = ("pcrdiffusion_cb", "pcrdiffusion_cf", "icp")
-"""Methods an overlay shows where there are results; the first chooses the pair."""
+CHOOSERS = ("pcrdiffusion_cb", "pcrdiffusion_cf", "icp")
+"""The first of these there are results of chooses the pairs by its rotation error."""
+Choice = Literal["best", "median", "worst"]
 Cloud = Float64[np.ndarray, "points 3"]
 
 
@@ -21,6 +26,7 @@ class Registered:
     """The source cloud where one method put it, in the target frame."""
 
     method: str
+    T_target_source: Float64[np.ndarray, "4 4"]
     points: Cloud
     error_r_deg: float
     error_t: float
@@ -37,26 +43,67 @@ class Overlay:
     source: Cloud
     target: Cloud
     registered: tuple[Registered, ...]
-    """The first one chose the pair: its rotation error on it is its median."""
+    """The first one chose the pair; the others follow in the order of the tables."""
+    others: tuple["Overlay", ...] = ()
+    """Of a data set's median pair, the best and the worst beside it."""
 
     @property
     def title(self) -> str:
         """The scenario as the reader knows it."""
         return place(self.facts.scenario).title
 
+    @property
+    def choices(self) -> dict[Choice, "Overlay"]:
+        """The best, the median and the worst pair; of those there are."""
+        if not self.others:
+            return {"median": self}
+        return {"best": self.others[0], "median": self, "worst": self.others[1]}
+
+
+@dataclass(frozen=True)
+class KnownPair:
+    """The clouds of a test pair, each in its own frame, and the true pose."""
+
+    group: str
+    source: Cloud
+    target: Cloud
+    T_target_source: Float64[np.ndarray, "4 4"]
+
 
 def read_overlays(scores: Sequence[Scores], pairs: Path) -> list[Overlay]:
-    """Make one overlay for each data set, of the first of its scenarios."""
+    """Make the median overlay of each data set, of the first of its scenarios."""
     first: dict[str, str] = {}
     for scenario in sorted({one.scenario for one in scores}, key=scenario_rank):
         first.setdefault(scenario.partition("-")[0], scenario)
     return [_read_overlay(_overlaid(scores, scenario), pairs) for scenario in first.values()]
 
 
-def median_pair(scores: Scores) -> int:
-    """Find the pair whose rotation error is the (lower) median; the first of equals."""
+def read_walked_pairs(
+    walks: Mapping[str, Sequence[Walk]], pairs: Path
+) -> dict[str, dict[int, KnownPair]]:
+    """Read the test pairs that were walked, by scenario and index in its test group.
+
+    Raises:
+        FileNotFoundError: A scenario has no pair file.
+        ValueError: A file is not a pair file, or lacks a pair that was walked.
+    """
+    found: dict[str, dict[int, KnownPair]] = {}
+    for scenario, walked in sorted(walks.items()):
+        test = read_pairs(pairs / f"{scenario}.h5", "test")
+        found[scenario] = {
+            pair: _known_pair(test, pair, scenario) for pair in sorted({w.pair for w in walked})
+        }
+    return found
+
+
+def choose_pairs(scores: Scores) -> dict[Choice, int]:
+    """Find the pairs of smallest, (lower) median and largest rotation error; first of equals."""
     order = np.argsort(scores.numbers["error_r_deg"], kind="stable")
-    return int(scores.pair[order[(len(order) - 1) // 2]])
+    return {
+        "best": int(scores.pair[order[0]]),
+        "median": int(scores.pair[order[(len(order) - 1) // 2]]),
+        "worst": int(scores.pair[order[-1]]),
+    }
 
 
 def move(T_target_source: Float64[np.ndarray, "4 4"], source: Cloud) -> Cloud:
@@ -64,35 +111,63 @@ def move(T_target_source: Float64[np.ndarray, "4 4"], source: Cloud) -> Cloud:
     return np.asarray(source @ T_target_source[:3, :3].T + T_target_source[:3, 3])
 
 
-def _overlaid(scores: Iterable[Scores], scenario: str) -> list[Scores]:
-    """Pick one setting of each method to show; of the last row, if none of them was run."""
+def headline_scores(scores: Iterable[Scores], scenario: str) -> dict[str, Scores]:
+    """Pick one setting of each method, the paper's where it was run, in the order of the rows."""
     found: dict[str, Scores] = {}
-    ordered = sorted(scores, key=lambda one: (one.setting != "paper", one.setting))
-    for one in ordered:
+    for one in sorted(scores, key=lambda one: (one.setting != "paper", one.setting)):
         if one.scenario == scenario and one.ablation is None:
             found.setdefault(one.method, one)
-    chosen = [found[method] for method in OVERLAID if method in found]
-    return chosen or [found[max(found, key=method_rank)]]
+    return {method: found[method] for method in sorted(found, key=method_rank)}
+
+
+def _overlaid(scores: Iterable[Scores], scenario: str) -> list[Scores]:
+    """List all methods, the one that chooses the pairs first; the last row, if there is none."""
+    found = headline_scores(scores, scenario)
+    chooser = next((method for method in CHOOSERS if method in found), [*found][-1])
+    return [found.pop(chooser), *found.values()]
 
 
 def _read_overlay(scores: Sequence[Scores], pairs: Path) -> Overlay:
-    scenario, pair = scores[0].scenario, median_pair(scores[0])
-    source, target = read_test_pair(pairs, scenario, pair)
+    scenario = scores[0].scenario
+    facts = read_pair_facts(pairs, scenario)
+    test = read_pairs(pairs / f"{scenario}.h5", "test")
+    chosen = {
+        choice: _overlay(scores, facts, test, pair)
+        for choice, pair in choose_pairs(scores[0]).items()
+    }
+    return replace(chosen["median"], others=(chosen["best"], chosen["worst"]))
+
+
+def _overlay(scores: Sequence[Scores], facts: PairFacts, test: Pairs, pair: int) -> Overlay:
+    known = _known_pair(test, pair, facts.scenario)
     return Overlay(
-        facts=read_pair_facts(pairs, scenario),
+        facts=facts,
         pair=pair,
         group=scores[0].group[scores[0].pair.tolist().index(pair)],
-        source=source,
-        target=target,
-        registered=tuple(_register(one, pair, source) for one in scores),
+        source=known.source,
+        target=known.target,
+        registered=tuple(_register(one, pair, known.source) for one in scores),
+    )
+
+
+def _known_pair(test: Pairs, pair: int, scenario: str) -> KnownPair:
+    if not 0 <= pair < len(test):
+        raise ValueError(f"{scenario} needs a test pair {pair}, it has {len(test)}")
+    return KnownPair(
+        group=test.group[pair],
+        source=test.source[pair].double().numpy(),
+        target=test.target[pair].double().numpy(),
+        T_target_source=test.T_target_source[pair].double().numpy(),
     )
 
 
 def _register(scores: Scores, pair: int, source: Cloud) -> Registered:
     row = scores.pair.tolist().index(pair)
+    pose = scores.T_target_source()[row]
     return Registered(
         method=scores.method,
-        points=move(scores.T_target_source()[row], source),
+        T_target_source=pose,
+        points=move(pose, source),
         error_r_deg=float(scores.numbers["error_r_deg"][row]),
         error_t=float(scores.numbers["error_t"][row]),
         failed=bool(scores.failed[row]),

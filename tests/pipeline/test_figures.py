@@ -11,19 +11,39 @@ from pipeline.figures import (
     CYCLE,
     Figure,
     axis_start,
+    cumulative,
     curve_points,
     curves_figure,
+    distribution_figure,
     errors_figure,
     method_color,
-    overlay_figure,
-    steps_figure,
+    method_style,
 )
-from pipeline.overlays import Overlay, describe, median_pair, read_overlays, thin
+from pipeline.overlays import (
+    Overlay,
+    choose_pairs,
+    describe,
+    read_overlays,
+    read_walked_pairs,
+    thin,
+)
 from pipeline.paper import METHODS
 from pipeline.pictures import draw_all
 from pipeline.result_files import Scores, read_results
+from pipeline.scenes import errors, overlay_figure, scene_data, walk_figure
+from pipeline.study_figures import (
+    MEASURES,
+    ablated_name,
+    ablation_figure,
+    ablation_rows,
+    difficulty_figure,
+    speed_figure,
+    steps_figure,
+)
 from pipeline.tables import Row, make_rows
-from tests.pipeline.made_up_results import plain_row, write_everything, write_rows
+from pipeline.walks import Walk
+from tests.pipeline.made_up_page import row, study_rows
+from tests.pipeline.made_up_results import write_everything
 
 SCENARIOS = ("modelnet40-unseen_objects", "3dmatch")
 Inputs = tuple[list[Row], list[Overlay], list[Training], list[Scores]]
@@ -39,21 +59,33 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
 
 
 def test_plotly_knows_every_property(inputs: Inputs) -> None:
-    rows, overlays, trainings, _ = inputs
-    figures: list[Figure] = [
-        errors_figure(rows, "error_r_deg", "ERROR(R) [deg]"),
-        errors_figure(rows, "error_t", "ERROR(t)"),
-        steps_figure([row for row in rows if row.table == "7"], "unit sphere"),
+    rows, overlays, trainings, scores = inputs
+    studies = study_rows()
+    figures: list[Figure | None] = [
+        *(errors_figure(rows, s, "error_r_deg", "ERROR(R) [deg]") for s in SCENARIOS),
+        errors_figure(rows, SCENARIOS[1], "error_t", "ERROR(t)"),
+        distribution_figure(scores, SCENARIOS[0], "unit sphere"),
+        steps_figure([r for r in rows if r.table == "7"], "unit sphere"),
+        steps_figure([r for r in studies if r.table == "7"], "unit sphere"),
+        *(
+            ablation_figure(ablation_rows(studies, table), "m")
+            for table in ("3", "4", "5", "extra")
+        ),
+        speed_figure([r for r in studies if r.table == "6"]),
+        *(difficulty_figure(studies, metric) for metric in MEASURES),
         curves_figure(trainings[:2]),
+        walk_figure("m"),
         *map(overlay_figure, overlays),
     ]
     for figure in figures:
+        assert figure
+        assert figure["data"]
         go.Figure(figure)  # raises on a property it does not know
 
 
 def test_errors_are_those_of_the_rows_and_zero_sits_at_the_edge(inputs: Inputs) -> None:
     rows = inputs[0]
-    figure = errors_figure(rows, "error_r_deg", "ERROR(R) [deg]")
+    figure = errors_figure(rows, SCENARIOS[0], "error_r_deg", "ERROR(R) [deg]")
     floors = next(trace for trace in figure["data"] if trace["name"] == "floor")
     drawn = dict(zip(floors["y"], floors["x"], strict=True))
     (identity,) = [
@@ -66,34 +98,115 @@ def test_errors_are_those_of_the_rows_and_zero_sits_at_the_edge(inputs: Inputs) 
     assert (
         floors["marker"]["symbol"][floors["y"].index("ICP from the centroids")] == "triangle-left"
     )
-    assert {f"xaxis{suffix}" for suffix in ("", "2")} <= {*figure["layout"]}
 
 
 def rows_of_table(rows: list[Row]) -> list[Row]:
     return [r for r in rows if (r.subset, r.metric) == ("all", "error_r_deg") and r.table != "7"]
 
 
-def test_a_panel_never_leaves_the_picture(tmp_path: Path) -> None:
-    for number in range(10):
-        write_rows(tmp_path / f"scenario{number}" / "icp.csv", [plain_row(0, off_deg=1.0)])
-    layout = errors_figure(make_rows(read_results(tmp_path), seed=0), "error_r_deg", "E")["layout"]
-    domains = [value["domain"] for name, value in layout.items() if "axis" in name]
-    assert len(domains) == 20
-    assert all(0 <= low < high <= 1 for low, high in domains)
+def test_panels_share_their_scale_and_their_rows(inputs: Inputs) -> None:
+    one, other = (
+        errors_figure(inputs[0], scenario, "error_r_deg", "E")["layout"] for scenario in SCENARIOS
+    )
+    for axis in ("xaxis", "yaxis"):
+        assert one[axis]["range"] == other[axis]["range"]
+    assert one["yaxis"]["categoryarray"] == other["yaxis"]["categoryarray"]
+    assert len(one["meta"]["categories"]) == len(one["yaxis"]["categoryarray"])
 
 
-def test_the_overlay_shows_the_pair_of_median_error(inputs: Inputs) -> None:
+def test_every_mark_says_whose_it_is_so_that_the_page_can_hide_it(inputs: Inputs) -> None:
+    studies = study_rows()
+    difficulty = difficulty_figure(studies, "error_r_deg")
+    assert difficulty
+    figures = [
+        errors_figure(inputs[0], SCENARIOS[0], "error_r_deg", "E"),
+        distribution_figure(inputs[3], SCENARIOS[0], "m"),
+        steps_figure([r for r in studies if r.table == "7"], "m"),
+        speed_figure([r for r in studies if r.table == "6"]),
+        ablation_figure(ablation_rows(studies, "4"), "m"),
+        difficulty,
+    ]
+    for trace in (trace for figure in figures for trace in figure["data"]):
+        whole = trace.get("meta", {}).get("method")
+        assert whole in METHODS or len(trace["customdata"]) == len(trace["x"])
+        assert {*trace.get("customdata", [])} <= {*METHODS}
+
+
+def test_a_distribution_ends_at_all_pairs(inputs: Inputs) -> None:
+    scores = inputs[3][0]
+    errors, shares = cumulative(scores, "error_r_deg")
+    assert errors == sorted(errors)
+    assert shares[-1] == 100
+    worst = scores.numbers["error_r_deg"].max()
+    assert errors[-1] == pytest.approx(max(worst, 1e-3), rel=1e-3)
+
+
+def test_a_band_spans_the_draws_and_the_line_is_the_one_in_the_table() -> None:
+    settings = {"steps=4,sampler=ddim": 3.0, "steps=4,sampler=ddim,draw=1": 2.0}
+    settings |= {"steps=4,sampler=ddim,draw=2": 5.0, "steps=8,sampler=ddim": 4.0}
+    rows = [row("7", "pcrdiffusion_cf", s, "error_r_deg", v) for s, v in settings.items()]
+    low, high, line = steps_figure(rows, "m")["data"]
+    assert (low["x"], low["y"], high["y"]) == ([4, 8], [2.0, 4.0], [5.0, 4.0])
+    assert (line["x"], line["y"], line["name"]) == ([4, 8], [3.0, 4.0], "PCRDiffusion CF, DDIM")
+
+
+def test_a_printed_bound_on_time_sits_at_the_edge_as_a_triangle() -> None:
+    rows = [
+        row("6", method, "paper", metric, value)
+        for method in ("pcrdiffusion_cf", "icp")
+        for metric, value in (("seconds", 0.02), ("error_r_deg", 3.0))
+    ]
+    traces = speed_figure(rows)["data"]
+    hollow = {t["name"]: t for t in traces if t["marker"]["symbol"].endswith("-open")}
+    assert hollow["PCRDiffusion CF"]["marker"]["symbol"] == "triangle-left-open"
+    assert hollow["PCRDiffusion CF"]["x"] == [1e-3]
+    assert hollow["ICP"]["x"] == [0.0042]
+    assert hollow["ICP"]["y"] == [23.1548]
+
+
+def test_bins_and_noise_have_a_panel_each_and_contrasts_none() -> None:
+    rows = [
+        row("extra", "icp", "rotation_deg=0-15", "error_r_deg", 1.0),
+        row("extra", "icp", "rotation_deg=15-30", "error_r_deg", 2.0),
+        row("extra", "icp", "noise=0.02", "error_r_deg", 3.0),
+        row("extra", "icp", "noise=0.02 minus noise=0.01", "error_r_deg", 9.0),
+    ]
+    figure = difficulty_figure(rows, "error_r_deg")
+    assert figure
+    assert [(t["x"], t["y"]) for t in figure["data"]] == [([7.5, 22.5], [1, 2]), ([0.02], [3])]
+    assert difficulty_figure(rows, "error_t") is None
+
+
+def test_lines_of_an_ablation_read_as_words() -> None:
+    said = {
+        "diffusion=without": "PCRDiffusion CB, without diffusion",
+        "representation=rotation_6d,scaling=raw": "PCRDiffusion CB, rotation 6d, raw",
+        "hypotheses=1": "PCRDiffusion CB, 1 random start",
+        "hypotheses=8": "PCRDiffusion CB, 8 random starts",
+    }
+    assert {setting: ablated_name("pcrdiffusion_cb", setting) for setting in said} == said
+
+
+def test_overlays_show_the_pairs_of_best_median_and_worst_error(inputs: Inputs) -> None:
     _, overlays, _, scores = inputs
     assert [overlay.facts.scenario for overlay in overlays] == [*SCENARIOS]
     cb = next(s for s in scores if (s.scenario, s.method) == (SCENARIOS[0], "pcrdiffusion_cb"))
     errors = cb.numbers["error_r_deg"]
-    assert overlays[0].pair == median_pair(cb)
-    assert np.sort(errors)[2] == errors[overlays[0].pair] == overlays[0].registered[0].error_r_deg
-    assert [r.method for r in overlays[0].registered] == [
-        "pcrdiffusion_cb",
-        "pcrdiffusion_cf",
-        "icp",
-    ]
+    chosen = choose_pairs(cb)
+    assert {name: one.pair for name, one in overlays[0].choices.items()} == chosen
+    assert [errors[pair] for pair in chosen.values()] == [np.sort(errors)[i] for i in (0, 2, 5)]
+    assert overlays[0].pair == chosen["median"]
+    assert overlays[0].registered[0].error_r_deg == errors[overlays[0].pair]
+    for overlay in overlays[0].choices.values():
+        assert [r.method for r in overlay.registered] == [
+            "pcrdiffusion_cb",
+            "identity",
+            "constant",
+            "icp_centroid",
+            "icp",
+            "fgr",
+            "pcrdiffusion_cf",
+        ]
 
 
 def test_a_true_pose_lays_the_source_on_the_target(tmp_path: Path) -> None:
@@ -108,15 +221,53 @@ def test_a_true_pose_lays_the_source_on_the_target(tmp_path: Path) -> None:
     )
 
 
-def test_an_overlay_draws_three_colours_and_one_registration_at_a_time(inputs: Inputs) -> None:
+def test_an_overlay_draws_three_colours_and_holds_no_points(inputs: Inputs) -> None:
     traces = overlay_figure(inputs[1][0])["data"]
-    assert [trace["marker"]["color"] for trace in traces[:4]] == [
-        "#0072B2",
-        "#E69F00",
-        "#E69F00",
-        "#009E73",
+    assert [(trace["marker"]["color"], trace["scene"]) for trace in traces] == [
+        ("#0072B2", "scene"),
+        ("#E69F00", "scene"),
+        ("#E69F00", "scene2"),
+        ("#009E73", "scene2"),
     ]
-    assert [trace["visible"] for trace in traces[3:]] == [True, False, False]
+    assert not any("x" in trace for trace in traces)
+
+
+def test_poses_of_the_page_move_the_source_where_the_method_put_it(inputs: Inputs) -> None:
+    overlay = inputs[1][1]
+    scenes = scene_data([overlay], {}, {})
+    pose = scenes["overlays"]["3dmatch"]["worst"]["poses"]["icp"]["pose"]
+    worst = overlay.choices["worst"]
+    source = np.array(scenes["clouds"][f"3dmatch/{worst.pair}"]["source"])
+    T = np.array(pose).reshape(3, 4)
+    icp = next(one for one in worst.registered if one.method == "icp")
+    np.testing.assert_allclose((T[:, :3] @ source).T + T[:, 3], icp.points, atol=5e-3)
+
+
+def test_a_walk_that_ends_at_the_truth_is_off_by_nothing(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("kitti",), 3)
+    pairs = tmp_path / "pairs"
+    truth = read_walked_pairs({"kitti": [_walk(np.eye(4))]}, pairs)["kitti"][1].T_target_source
+    walks = {"kitti": [_walk(truth)]}
+    scenes = scene_data([], walks, read_walked_pairs(walks, pairs))
+    (walk,) = scenes["walks"]["kitti"]
+    assert walk["predicted"][-1]["off"] == [0, 0]
+    assert walk["noisy"][0]["off"][1] == pytest.approx(np.linalg.norm(truth[:3, 3]), rel=1e-2)
+    assert walk["group"] == "bottle"
+
+
+def _walk(end: np.ndarray) -> Walk:
+    return Walk("pcrdiffusion_cb", 1, (1000, 500), np.stack([np.eye(4)] * 2), np.stack([end] * 2))
+
+
+def test_the_error_of_a_pose_is_in_degrees_and_the_clouds_unit() -> None:
+    quarter = np.array([[0.0, -1, 0, 3], [1, 0, 0, 4], [0, 0, 1, 0], [0, 0, 0, 1]])
+    assert errors(quarter[None], np.eye(4)) == [(90.0, 5.0)]
+
+
+def test_a_walked_pair_must_be_there(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("kitti",), 1)
+    with pytest.raises(ValueError, match="kitti needs a test pair 1, it has 1"):
+        read_walked_pairs({"kitti": [_walk(np.eye(4))]}, tmp_path / "pairs")
 
 
 def test_thinning_keeps_few_points_from_first_to_last() -> None:
@@ -143,6 +294,13 @@ def test_learned_methods_have_colours_of_their_own() -> None:
     learned = [name for name, entry in METHODS.items() if entry.kind == "learned"]
     assert len({method_color(name) for name in learned}) == len(learned)
     assert method_color("a_method_of_next_year") in CYCLE
+
+
+def test_no_two_methods_look_alike() -> None:
+    looks = {
+        (style["line"]["color"], style["marker"]["symbol"]) for style in map(method_style, METHODS)
+    }
+    assert len(looks) == len(METHODS)
 
 
 def test_pictures_are_png_and_the_same_twice(inputs: Inputs) -> None:
