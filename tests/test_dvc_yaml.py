@@ -48,7 +48,7 @@ WIRING = {
 FILES_OF_MODULES = {"pipeline/templates": "pipeline.page"}
 """Dependencies that no import statement names, and the module that reads them."""
 CODE = ("pcrdiff/", "pipeline/", "stages/")
-NAMES = ("--dataset", "--scenario", "--method", "--name")
+NAMES = ("--dataset", "--scenario", "--method", "--name", "--variant")
 """The options whose values are names, not paths."""
 
 TEMPLATES = read_templates()
@@ -64,9 +64,10 @@ def by_name(instances: list[Instance]) -> dict[str, Instance]:
 
 def methods_of(instance: Instance) -> list[str]:
     """The methods that an instance builds."""
-    if "method" in instance.item:
-        return [instance.item["method"]]
-    return list(read_repository_params()["ablation"]["methods"])
+    if "--method" in instance.argv:
+        return [instance.argv[instance.argv.index("--method") + 1]]
+    ablation = read_repository_params()["ablation"]
+    return [*ablation["methods"], *ablation["noise"]["methods"]]
 
 
 def imported_modules(instance: Instance) -> set[str]:
@@ -134,12 +135,12 @@ def test_every_excuse_is_needed() -> None:
     assert WIRING.keys() <= wired
 
 
-@pytest.mark.parametrize("template", ["train", "evaluate"])
+@pytest.mark.parametrize("template", ["train", "train_representation", "evaluate", "time"])
 def test_a_learned_method_depends_on_its_own_file_alone(template: str) -> None:
     for instance in INSTANCES:
         if instance.template == template:
             methods = [dep for dep in instance.deps if dep.startswith("pcrdiff/methods")]
-            assert methods == [f"pcrdiff/methods/{instance.item['method']}.py"]
+            assert methods == [f"pcrdiff/methods/{name}.py" for name in methods_of(instance)]
 
 
 # Params.
