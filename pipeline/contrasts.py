@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from pipeline.paper import RIVALS
+from pipeline.paper import RIVALS, UNSEEN_OBJECTS
 from pipeline.result_files import Scores, Times, headlines
 
 MINUS = " minus "
@@ -38,7 +38,8 @@ class Contrast:
     @property
     def is_rival(self) -> bool:
         """Whether it is one of ours against a method of its family in the paper."""
-        return self.base.method in RIVALS.get(self.mine.method, ())
+        main = isinstance(self.mine, Scores) and self.mine.ablation is None
+        return main and self.base.method in RIVALS.get(self.mine.method, ())
 
     @property
     def failures(self) -> int:
@@ -78,7 +79,24 @@ def make_contrasts(scores: Sequence[Scores], times: Iterable[Times]) -> list[Con
         for key in [(one.ablation, one.scenario, one.method, BASES[one.ablation])]
         if key in bases and one.setting != BASES[one.ablation]
     ]
-    return [*across, *within, *_of_times(list(times))]
+    return [*across, *within, *_across_ablated(scores), *_of_times(list(times))]
+
+
+def _across_ablated(scores: Sequence[Scores]) -> list[Contrast]:
+    """Hold fusions against the constant pose, and CB under noise against others under the same."""
+    constant = headlines(scores).get((UNSEEN_OBJECTS, "constant"))
+    fused = [one for one in scores if (one.ablation, one.scenario) == ("fusion", UNSEEN_OBJECTS)]
+    noisy = [one for one in scores if one.ablation == "noise"]
+    return [
+        *(Contrast(one, constant, ("error_r_deg",)) for one in fused if constant),
+        *(
+            Contrast(one, base, ("error_r_deg",))
+            for one in noisy
+            for base in noisy
+            if one.method == "pcrdiffusion_cb" != base.method
+            and (one.scenario, one.setting) == (base.scenario, base.setting)
+        ),
+    ]
 
 
 def _of_times(times: Sequence[Times]) -> list[Contrast]:

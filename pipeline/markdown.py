@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from pipeline.background import PairFacts
+from pipeline.findings import RULE, Finding
 from pipeline.tables import Row
 from pipeline.views import (
     HEADINGS,
@@ -24,11 +25,21 @@ LEGEND = (
 
 
 def render_markdown(
-    tables: Sequence[Table], facts: Mapping[str, PairFacts], banner: str | None
+    tables: Sequence[Table],
+    facts: Mapping[str, PairFacts],
+    banner: str | None,
+    findings: Sequence[Finding] = (),
 ) -> str:
-    """Write all tables, each with its floors, the paper's numbers and its footnotes."""
-    head = ["# Results", *([f"**{banner}**"] if banner else []), LEGEND]
-    return "\n\n".join([*head, *(_table(table, facts) for table in tables)]) + "\n"
+    """Write what was found, then all tables, with floors, the paper's numbers and footnotes."""
+    head = ["# Results", *([f"**{banner}**"] if banner else [])]
+    found = ["## What we found", RULE, "\n".join(map(_finding, findings))] if findings else []
+    body = [LEGEND, *(_table(table, facts) for table in tables)]
+    return "\n\n".join([*head, *found, *(["## Tables"] if found else []), *body]) + "\n"
+
+
+def _finding(finding: Finding) -> str:
+    head = f"- **{finding.topic}: {finding.verdict}.** {finding.claim}"
+    return "\n".join([head, *(f"  - {sentence}" for sentence in finding.ours)])
 
 
 def _table(table: Table, facts: Mapping[str, PairFacts]) -> str:

@@ -81,6 +81,8 @@ VALUES = {  # the order of an ablation's values where it is not their natural on
 }  # fmt: skip
 CONCAT = ("5", "fusion=concat")
 """The table and setting of a row that the paper names and prints no numbers for."""
+BOUND = 1e-10
+"""What Table 6 prints as "< 1e-10" s is a bound."""
 CORRESPONDENCE_FREE = ("pointnetlk", "pcrnet", "fmr")
 CORRESPONDENCE_BASED = ("icp", "fgr", "deepgmr", "dcp_v2", "rpmnet")
 """The paper's own division of what it compares with, in its order of rows."""
