@@ -20,7 +20,8 @@ LEGEND = (
     " where the parentheses are missing. R is rotation in degrees, t translation in the unit of"
     " the data. A pair on which a method fails counts as the identity pose. "
     + "; ".join(f"{mark} {meaning}" for mark, meaning in MARKS.items())
-    + "."
+    + ". The spread over draws is the standard deviation of ERROR(R) over draws of the noise; its"
+    " interval is that of a standard deviation of normal values."
 )
 
 
