@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from PIL import Image
 
 from pipeline.figures import GREEN, GREY, GRID, INK, ORANGE, RED, method_color
@@ -63,9 +63,12 @@ def dress(ax: Axes, title: str, x: str, y: str) -> None:
 
 
 def plain_numbers(ax: Axes, axes: str) -> None:
-    """Write the numbers of logarithmic axes (``x``, ``y`` or both) without powers."""
+    """Write the numbers of drawn logarithmic axes (``x``, ``y`` or both) without powers."""
     for name in axes:
         one = ax.xaxis if name == "x" else ax.yaxis
+        low, high = sorted(ax.get_xlim() if name == "x" else ax.get_ylim())
+        if high < 100 * low:  # too few powers of ten to read values by
+            one.set_major_locator(LogLocator(subs=(1, 2, 5)))
         one.set_major_formatter(FuncFormatter(_plain))
         one.set_minor_formatter(NullFormatter())
 

@@ -1,6 +1,7 @@
 """The PNG charts of how errors are spread, what they cost, and what they depend on."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -31,11 +32,16 @@ from pipeline.tables import Row
 from pipeline.views import main_rows, natural, setting_rank
 
 LEAST_DEG = 1e-3
-"""Errors below are drawn here: at the left edge of a logarithmic axis."""
+EDGE = f"{LEAST_DEG:g} or less at the edge"
+"""Smaller errors are drawn as if they were so large: the axis is logarithmic."""
 SAMPLERS = {"ddpm": ("-", "o", BLUE), "ddim": ("--", "s", RED)}
 """Dashes, mark and colour."""
-LABELLED = np.array([5.0, 4.6])
+LABELLED = np.array([5.5, 5.0])
 """Inches of a panel whose points have names, about."""
+LETTER = 0.062
+"""Of a name's width, in inches."""
+HEIGHTS = [sign * 0.15 * k for k in range(9) for sign in (1, -1)]
+"""Where a name may be above its point, in inches: the nearest first."""
 
 
 def draw_distributions(scores: Sequence[Scores]) -> bytes:
@@ -52,7 +58,7 @@ def draw_distributions(scores: Sequence[Scores]) -> bytes:
         ax.set_xlim(LEAST_DEG, 180)
         ax.set_ylim(0, 102)
         plain_numbers(ax, "x")
-        dress(ax, place(scenario).title, "ERROR(R) [deg]", "pairs below [%]")
+        dress(ax, place(scenario).title, f"ERROR(R) [deg], {EDGE}", "pairs below [%]")
     method_legend(figure, [*{method for _, method in main}])
     return png(figure)
 
@@ -73,13 +79,13 @@ def draw_accuracy_time(rows: Sequence[Row]) -> bytes:
     for seconds, error in points:
         _draw_cost(ours, seconds, error)
     printed = [
-        (seconds.paper, error.paper, shown(error.method).name)
+        Named(seconds.paper, (seconds.paper,) * 2, error.paper, shown(error.method).name)
         for seconds, error in points
         if error.setting == "paper" and seconds.paper and error.paper and seconds.paper > BOUND
     ]
-    for x, y, _ in printed:
-        theirs.plot([x], [y], "D", color=INK, mfc="none", ms=7)
-    named = [(s.value, max(e.value, LEAST_DEG), _named(e)) for s, e in points]
+    for one in printed:
+        theirs.plot([one.x], [one.y], "D", color=INK, mfc="none", ms=7)
+    named = [Named(s.value, (s.low, s.high), max(e.value, LEAST_DEG), _name(e)) for s, e in points]
     title = "printed in the paper (CF is printed as below 1e-10 s)"
     for ax, text, labels in ((ours, "ours", named), (theirs, title, printed)):
         ax.set_xscale("log")
@@ -96,7 +102,7 @@ def draw_accuracy_time(rows: Sequence[Row]) -> bytes:
     return png(figure)
 
 
-def _named(row: Row) -> str:
+def _name(row: Row) -> str:
     return shown(row.method).name + ("" if row.setting == "paper" else f" ({row.setting})")
 
 
@@ -110,38 +116,45 @@ def _draw_cost(ax: Axes, seconds: Row, error: Row) -> None:
     ax.plot([seconds.value], [y], mark, color=color, mfc=inside, ms=7)
 
 
-def _label(ax: Axes, points: Sequence[tuple[float, float, str]]) -> None:
-    """Name points of a logarithmic panel, each beside its own and off points and other names."""
+class Named(NamedTuple):
+    """A point of a logarithmic panel, how far its bar reaches across, and its name."""
+
+    x: float
+    reach: tuple[float, float]
+    y: float
+    name: str
+
+
+def _label(ax: Axes, points: Sequence[Named]) -> None:
+    """Name points, each beside its own and off all points and other names."""
     if not points:
         return
-    where = np.log10([point[:2] for point in points])
+    where = np.log10([(one.x, one.y) for one in points])
     low, high = where.min(axis=0), where.max(axis=0)
-    low, high = low - 0.08 * (high - low) - 0.1, high + 0.25 * (high - low) + 0.1
+    low, high = low - 0.12 * (high - low) - 0.1, high + 0.15 * (high - low) + 0.1
     ax.set_xlim(*10 ** np.array([low[0], high[0]]))
     ax.set_ylim(*10 ** np.array([low[1], high[1]]))
     inches = (where - low) / (high - low) * LABELLED
-    taken = [(x - 0.06, y - 0.06, x + 0.06, y + 0.06) for x, y in inches]
-    for (x, y), (across, up, name) in zip(inches, points, strict=True):
-        boxes = {
-            (dx, dy): (x + dx, y + dy - 0.07, x + dx + 0.062 * len(name), y + dy + 0.07)
-            for dx, dy in _offsets(len(name))
-        }
-        free = (
-            offset for offset, box in boxes.items() if not any(_meet(box, one) for one in taken)
-        )
-        dx, dy = next(free, (0.1, 0.0))
-        taken.append(boxes[dx, dy])
+    bars = (np.log10([one.reach for one in points]) - low[0]) / (high - low)[0] * LABELLED[0]
+    bars = bars + np.array([-0.07, 0.07])
+    taken = [
+        (left, y - 0.06, right, y + 0.06)
+        for (left, right), (_, y) in zip(bars, inches, strict=True)
+    ]
+    for one, (x, y), (left, right) in zip(points, inches, bars, strict=True):
+        wide = LETTER * len(one.name)
+        starts = [(begin, y + up) for up in HEIGHTS for begin in (right, left - wide, x - wide / 2)]
+        boxes = [(begin, at - 0.07, begin + wide, at + 0.07) for begin, at in starts]
+        inside = [box for box in boxes if box[0] > 0 and box[2] < LABELLED[0]]
+        free = (box for box in inside if not any(_meet(box, other) for other in taken))
+        box = next(free, boxes[0])
+        taken.append(box)
+        up = box[1] + 0.07 - y
         line = {"arrowstyle": "-", "color": GREY, "lw": 0.6, "shrinkA": 0, "shrinkB": 3}
         ax.annotate(
-            name, (across, up), (72 * dx, 72 * dy), textcoords="offset points", fontsize=8, va="center",
-            arrowprops=line if abs(dy) > 0.1 else None,
+            one.name, (one.x, one.y), (72 * (box[0] - x), 72 * up), textcoords="offset points",
+            fontsize=8, va="center", arrowprops=line if abs(up) > 0.1 else None,
         )  # fmt: skip
-
-
-def _offsets(letters: int) -> list[tuple[float, float]]:
-    """Where a name may begin, from its point, in inches: the nearest first."""
-    sides = (0.1, -0.1 - 0.062 * letters)
-    return [(dx, sign * 0.15 * k) for k in range(9) for dx in sides for sign in (1, -1)]
 
 
 def _meet(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
@@ -172,7 +185,8 @@ def draw_difficulty(rows: Sequence[Row]) -> bytes:
         _draw_dependence(ax, found[start])
         ax.set_yscale("log")
         plain_numbers(ax, "y")
-        dress(ax, place(scenario).title, label, "ERROR(R) [deg]")
+        title = "ModelNet40, noise added" if start == "noise=" else place(scenario).title
+        dress(ax, title, label, f"ERROR(R) [deg], {EDGE}")
     method_legend(figure, [*{row.method for here in found.values() for row in here}])
     return png(figure)
 

@@ -20,12 +20,18 @@ from pipeline.views import show_bound
 CHOOSER = "pcrdiffusion_cb"
 """Whose rotation errors choose the pairs; where it was not run, the last method's do."""
 POINTS = 350
+SIZES = (2.5, 1.6)
+"""Of a dot of the target, and of one of what is laid upon it, in points."""
 COLUMNS = 7
-TILE_HEIGHT, NAME_HEIGHT, HEAD_HEIGHT = 1.05, 0.32, 0.42
+TILE_HEIGHT, NAME_HEIGHT, HEAD_HEIGHT = 1.2, 0.32, 0.36
 """Of a tile, of the two lines above it, and of a block's heading, in inches."""
 ELEVATION_DEG = {"kitti": 55.0}
 """Of the eye above the ground; a street is seen from higher up than the others."""
 AZIMUTH_DEG = 45.0
+LEGEND = (
+    "Blue: source; orange: target; green: source as registered. Under each method its ERROR(R) on"
+    " this pair, in degrees."
+)
 
 
 @dataclass(frozen=True)
@@ -118,29 +124,28 @@ def draw_panel(panel: Panel) -> bytes:
     """Draw the blocks one below the other; in each, the pair first, then a tile a method."""
     rows = -(-(len(panel.blocks[0].tiles) + 1) // COLUMNS)
     block_height = HEAD_HEIGHT + rows * (TILE_HEIGHT + NAME_HEIGHT)
-    height = len(panel.blocks) * block_height + 0.1
+    height = len(panel.blocks) * block_height + HEAD_HEIGHT
     figure = Figure(figsize=(WIDTH, height))
+    figure.text(0.01, 1 - 0.1 / height, LEGEND, fontsize=9, va="top", color=INK)
     for number, block in enumerate(panel.blocks):
-        top = height - number * block_height
+        top = height - HEAD_HEIGHT - number * block_height
         figure.text(
-            0.01, (top - 0.12) / height, _heading(panel, block), fontsize=10, va="top", color=INK,
-            fontweight="bold",
-        )  # fmt: skip
-        _draw_block(figure, block, panel.dataset, top - HEAD_HEIGHT)
+            0.01, top / height, _heading(panel, block), fontsize=10, va="top", weight="bold"
+        )
+        _draw_block(figure, block, panel.dataset, top - 0.6 * HEAD_HEIGHT)
     return png(figure)
 
 
 def _heading(panel: Panel, block: Block) -> str:
     return (
-        f"{place(panel.scenario).title}, the {block.rank} pair of {shown(block.chooser).name}"
-        f" (test pair {block.pair}, {block.group}).  Blue: source, orange: target, green: source"
-        " registered; error of rotation in degrees"
+        f"{place(panel.scenario).title}: the {block.rank} pair of {shown(block.chooser).name}"
+        f" (test pair {block.pair}, {block.group})"
     )
 
 
 def _draw_block(figure: Figure, block: Block, dataset: str, top: float) -> None:
     height = figure.get_figheight()
-    pair = [(block.source, BLUE), (block.target, ORANGE)]
+    pair = [(block.target, ORANGE), (block.source, BLUE)]
     shown_tiles = [
         ("source and target", "", pair),
         *(
@@ -158,7 +163,7 @@ def _draw_block(figure: Figure, block: Block, dataset: str, top: float) -> None:
         where = (column / COLUMNS, bottom / height, 1 / COLUMNS, TILE_HEIGHT / height)
         ax = figure.add_axes(where)
         ax.set_title(f"{name}\n{error}" if error else name, fontsize=8, pad=1, linespacing=1.05)
-        _draw_clouds(ax, clouds, pair if index == 0 else pair[1:], dataset)
+        _draw_clouds(ax, clouds, pair if index == 0 else pair[:1], dataset)
 
 
 def _draw_clouds(
@@ -174,11 +179,9 @@ def _draw_clouds(
     wide = (WIDTH / COLUMNS) / TILE_HEIGHT
     half = 0.56 * max(high[1] - low[1], (high[0] - low[0]) / wide)
     middle = (low + high) / 2
-    seen = np.concatenate([project(cloud, elevation) for cloud, _ in clouds])
-    colors = np.repeat([color for _, color in clouds], [len(cloud) for cloud, _ in clouds])
-    nearest_last = np.argsort(seen[:, 2], kind="stable")
-    x, y, _ = seen[nearest_last].T
-    ax.scatter(x, y, s=2.2, c=colors[nearest_last].tolist(), linewidths=0)
+    for size, (cloud, color) in zip(SIZES, clouds, strict=True):
+        x, y, _ = project(cloud, elevation).T
+        ax.plot(x, y, "o", color=color, ms=size, mew=0)
     ax.set_xlim(middle[0] - half * wide, middle[0] + half * wide)
     ax.set_ylim(middle[1] - half, middle[1] + half)
     ax.set_axis_off()
