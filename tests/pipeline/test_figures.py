@@ -20,6 +20,7 @@ from pipeline.figures import (
 )
 from pipeline.overlays import Overlay, describe, median_pair, read_overlays, thin
 from pipeline.paper import METHODS
+from pipeline.pictures import draw_all
 from pipeline.result_files import Scores, read_results
 from pipeline.tables import Row, make_rows
 from tests.pipeline.made_up_results import plain_row, write_everything, write_rows
@@ -142,3 +143,16 @@ def test_learned_methods_have_colours_of_their_own() -> None:
     learned = [name for name, entry in METHODS.items() if entry.kind == "learned"]
     assert len({method_color(name) for name in learned}) == len(learned)
     assert method_color("a_method_of_next_year") in CYCLE
+
+
+def test_pictures_are_png_and_the_same_twice(inputs: Inputs) -> None:
+    rows, overlays, trainings, _ = inputs
+    pictures = draw_all(rows, overlays, trainings)
+    assert sorted(pictures) == ["curves.png", "errors.png", "overlays.png"]
+    assert all(content.startswith(b"\x89PNG") for content in pictures.values())
+    assert pictures == draw_all(rows, overlays, trainings)
+    assert all(len(content) < 400_000 for content in pictures.values())
+
+
+def test_no_curves_no_picture_of_them(inputs: Inputs) -> None:
+    assert "curves.png" not in draw_all(inputs[0], inputs[1], [])
