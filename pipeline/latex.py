@@ -85,7 +85,7 @@ def _heading(metric: str, unit: str) -> str:
 
 
 def _line(line: Line, metrics: Sequence[str]) -> str:
-    setting = f", {line.setting}" if line.setting != "paper" else ""
+    setting = f", {line.setting.replace(',', ', ')}" if line.setting != "paper" else ""
     marks = "".join(SYMBOLS[mark] for mark in line.marks)
     name = rf"{escape(line.name + setting)}{marks}\textsuperscript{{{line.note}}}"
     cells = [_cell(line.cells.get(metric)) for metric in metrics]

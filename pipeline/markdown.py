@@ -67,7 +67,7 @@ def _table(table: Table, facts: Mapping[str, PairFacts]) -> str:
 
 
 def _line(line: Line, metrics: Sequence[str]) -> str:
-    setting = f", {line.setting}" if line.setting != "paper" else ""
+    setting = f", {line.setting.replace(',', ', ')}" if line.setting != "paper" else ""
     name = f"{line.name}{setting}{line.marks} [{line.note}]"
     cells = [_cell(line.cells.get(metric)) for metric in metrics]
     return f"| {' | '.join([name, *cells, str(line.failures)])} |"

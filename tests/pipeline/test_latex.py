@@ -68,5 +68,5 @@ def test_escaping_keeps_what_is_meant() -> None:
 
 def test_ours_stand_beside_the_papers(made: tuple[list[Table], str]) -> None:
     assert re.search(
-        r"PCRDiffusion CF, steps=2,sampler=ddpm.*\(3\.1962\) \{\\scriptsize \[", made[1]
+        r"PCRDiffusion CF, steps=2, sampler=ddpm.*\(3\.1962\) \{\\scriptsize \[", made[1]
     )
