@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from pipeline.artifacts import read_attributes, read_pairs
-from pipeline.result_files import read_csv
+from pipeline.result_files import ABLATIONS, read_csv
 
 
 @dataclass(frozen=True)
@@ -29,13 +29,27 @@ class Training:
 def read_trainings(folder: Path) -> list[Training]:
     """Read every ``<scenario>/<method>.json`` and the curve beside it, if there is one.
 
+    So are the trainings of ablations, ``ablations/<name>/*.json``, which say themselves what they
+    trained: ``scenario``, ``method`` and ``setting``.
+
     Raises:
         ValueError: A file is cut short or not what it should be.
     """
-    return [
+    main = [
         Training(file.parent.name, file.stem, _read_budget(file), _curve(file.with_suffix(".csv")))
         for file in sorted(folder.glob("*/*.json"))
+        if file.parent.name != ABLATIONS
     ]
+    return main + [_ablated(file) for file in sorted(folder.glob(f"{ABLATIONS}/*/*.json"))]
+
+
+def _ablated(file: Path) -> Training:
+    budget = _read_budget(file)
+    names = [budget.get(key) for key in ("scenario", "method", "setting")]
+    if not all(isinstance(name, str) for name in names):
+        raise ValueError(f"{file} needs the names of scenario, method and setting, has {names}")
+    scenario, method, setting = map(str, names)
+    return Training(scenario, method, budget, _curve(file.with_suffix(".csv")), setting)
 
 
 def _read_budget(file: Path) -> dict[str, Any]:

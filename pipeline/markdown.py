@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from pipeline.background import PairFacts
+from pipeline.findings import RULE, Finding
 from pipeline.tables import Row
 from pipeline.views import (
     HEADINGS,
@@ -19,16 +20,27 @@ LEGEND = (
     " where the parentheses are missing. R is rotation in degrees, t translation in the unit of"
     " the data. A pair on which a method fails counts as the identity pose. "
     + "; ".join(f"{mark} {meaning}" for mark, meaning in MARKS.items())
-    + "."
+    + ". The spread over draws is the standard deviation of ERROR(R) over draws of the noise; its"
+    " interval is that of a standard deviation of normal values."
 )
 
 
 def render_markdown(
-    tables: Sequence[Table], facts: Mapping[str, PairFacts], banner: str | None
+    tables: Sequence[Table],
+    facts: Mapping[str, PairFacts],
+    banner: str | None,
+    findings: Sequence[Finding] = (),
 ) -> str:
-    """Write all tables, each with its floors, the paper's numbers and its footnotes."""
-    head = ["# Results", *([f"**{banner}**"] if banner else []), LEGEND]
-    return "\n\n".join([*head, *(_table(table, facts) for table in tables)]) + "\n"
+    """Write what was found, then all tables, with floors, the paper's numbers and footnotes."""
+    head = ["# Results", *([f"**{banner}**"] if banner else [])]
+    found = ["## What we found", RULE, "\n".join(map(_finding, findings))] if findings else []
+    body = [LEGEND, *(_table(table, facts) for table in tables)]
+    return "\n\n".join([*head, *found, *(["## Tables"] if found else []), *body]) + "\n"
+
+
+def _finding(finding: Finding) -> str:
+    head = f"- **{finding.topic}: {finding.verdict}.** {finding.claim}"
+    return "\n".join([head, *(f"  - {sentence}" for sentence in finding.ours)])
 
 
 def _table(table: Table, facts: Mapping[str, PairFacts]) -> str:
@@ -55,7 +67,7 @@ def _table(table: Table, facts: Mapping[str, PairFacts]) -> str:
 
 
 def _line(line: Line, metrics: Sequence[str]) -> str:
-    setting = f", {line.setting}" if line.setting != "paper" else ""
+    setting = f", {line.setting.replace(',', ', ')}" if line.setting != "paper" else ""
     name = f"{line.name}{setting}{line.marks} [{line.note}]"
     cells = [_cell(line.cells.get(metric)) for metric in metrics]
     return f"| {' | '.join([name, *cells, str(line.failures)])} |"

@@ -61,12 +61,34 @@ SCENARIOS = {  # the order of the tables; a scenario that is not here is an extr
     "3dmatch-pairs": Place("extra", "3DMatch, overlapping fragments"),
     "kitti-pairs": Place("extra", "KITTI, overlapping scans"),
 }
-ABLATIONS = {  # by the stem of the file under results/ablations
+ABLATIONS = {  # by the stem of the file under results/ablations: also what it varies first
     "diffusion": Place("3", "With and without diffusion"),
     "representation": Place("4", "What is diffused"),
     "fusion": Place("5", "Where the noisy pose is fused"),
-    "time": Place("6", "Accuracy and speed"),
     "steps": Place("7", "Sampling steps"),
+    "hypotheses": Place("extra", "Several starts, the answer chosen without the truth"),
+    "noise": Place("extra", "Noise added at the test"),
+}
+TIMING = Place("6", "Accuracy and speed")
+VALUES = {  # the order of an ablation's values where it is not their natural one
+    "sampler": ("ddpm", "ddim"),
+    "diffusion": ("without", "with"),
+    "representation": (
+        "quaternion", "euler", "rotation_6d", "twist", "dual_quaternion", "matrix",
+    ),
+    "scaling": ("raw", "standardised"),
+    "fusion": ("concat", "target", "source"),
+}  # fmt: skip
+CONCAT = ("5", "fusion=concat")
+"""The table and setting of a row that the paper names and prints no numbers for."""
+BOUND = 1e-10
+"""What Table 6 prints as "< 1e-10" s is a bound."""
+CORRESPONDENCE_FREE = ("pointnetlk", "pcrnet", "fmr")
+CORRESPONDENCE_BASED = ("icp", "fgr", "deepgmr", "dcp_v2", "rpmnet")
+"""The paper's own division of what it compares with, in its order of rows."""
+RIVALS: dict[str, tuple[str, ...]] = {
+    "pcrdiffusion_cf": CORRESPONDENCE_FREE,
+    "pcrdiffusion_cb": CORRESPONDENCE_BASED,
 }
 
 
@@ -156,24 +178,24 @@ _MAIN = {
 # Columns: MAE(R), MAE(t), ERROR(R), ERROR(t). Table 5 prints no numbers for `fusion=concat`.
 _ABLATED = {
     "3": """
-        pcrdiffusion_cf diffusion=off 81.5854 0.4052 168.0197 0.7960
-        pcrdiffusion_cb diffusion=off  6.3867 0.0698  12.7412 0.1429
-        pcrdiffusion_cf diffusion=on   1.6861 0.0216   3.2786 0.0448
-        pcrdiffusion_cb diffusion=on   0.7244 0.0153   1.2732 0.0318
+        pcrdiffusion_cf diffusion=without 81.5854 0.4052 168.0197 0.7960
+        pcrdiffusion_cb diffusion=without  6.3867 0.0698  12.7412 0.1429
+        pcrdiffusion_cf diffusion=with     1.6861 0.0216   3.2786 0.0448
+        pcrdiffusion_cb diffusion=with     0.7244 0.0153   1.2732 0.0318
     """,
     "4": """
-        pcrdiffusion_cb representation=quaternion 0.7244 0.0153  1.2732 0.0318
-        pcrdiffusion_cb representation=euler      6.8240 0.0733 13.7542 0.1513
+        pcrdiffusion_cb representation=quaternion,scaling=raw 0.7244 0.0153  1.2732 0.0318
+        pcrdiffusion_cb representation=euler,scaling=raw      6.8240 0.0733 13.7542 0.1513
     """,
     "5": """
         pcrdiffusion_cf fusion=target 1.6887 0.0216 3.1686 0.0446
         pcrdiffusion_cf fusion=source 1.6861 0.0216 3.2786 0.0448
     """,
     "7": """
-        pcrdiffusion_cf steps=1 1.6861 0.0216 3.2786 0.0448
-        pcrdiffusion_cf steps=2 1.6625 0.0215 3.1962 0.0445
-        pcrdiffusion_cf steps=4 1.6625 0.0215 3.1962 0.0445
-        pcrdiffusion_cf steps=8 1.6625 0.0215 3.1962 0.0445
+        pcrdiffusion_cf steps=1,sampler=ddpm 1.6861 0.0216 3.2786 0.0448
+        pcrdiffusion_cf steps=2,sampler=ddpm 1.6625 0.0215 3.1962 0.0445
+        pcrdiffusion_cf steps=4,sampler=ddpm 1.6625 0.0215 3.1962 0.0445
+        pcrdiffusion_cf steps=8,sampler=ddpm 1.6625 0.0215 3.1962 0.0445
     """,
 }
 # Table 6; its accuracy columns repeat Table 1 (a). CF is printed as "< 1e-10": a bound.
@@ -191,7 +213,7 @@ def _read_main() -> dict[Number, float]:
             for metric, value in zip(ACCURACY, values, strict=True):
                 printed[Number(table, scenario, method, "paper", metric)] = float(value)
                 if table == "1a" and metric in MAE_AND_ERROR:
-                    printed[Number("6", scenario, method, "paper", metric)] = float(value)
+                    printed[Number(TIMING.table, scenario, method, "paper", metric)] = float(value)
     return printed
 
 
@@ -204,7 +226,8 @@ def _read_ablated() -> dict[Number, float]:
                 printed[number] = float(value)
     words = _SECONDS.split()
     for method, value in zip(words[::2], words[1::2], strict=True):
-        printed[Number("6", UNSEEN_OBJECTS, method, "paper", "seconds")] = float(value)
+        number = Number(TIMING.table, UNSEEN_OBJECTS, method, "paper", "seconds")
+        printed[number] = float(value)
     return printed
 
 

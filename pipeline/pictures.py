@@ -1,17 +1,23 @@
-"""Small PNG pictures for the README: the same rows and pairs, the same bytes."""
+"""The PNG pictures: the same rows and pairs, the same bytes."""
 
-import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float64
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]  # ships no stubs
 
 from pipeline.background import Training
+from pipeline.canvas import plain_numbers, png
+from pipeline.charts import (
+    draw_ablations,
+    draw_accuracy_time,
+    draw_difficulty,
+    draw_distributions,
+    draw_steps,
+)
+from pipeline.difficulty import OVERLAP, ROTATION
 from pipeline.figures import (
     BLUE,
     GREEN,
@@ -24,21 +30,36 @@ from pipeline.figures import (
     method_color,
 )
 from pipeline.overlays import Overlay, thin
-from pipeline.paper import method_rank, place, scenario_rank, shown
+from pipeline.panels import Panel, draw_panel
+from pipeline.paper import TIMING, method_rank, place, scenario_rank, shown
+from pipeline.result_files import Scores
 from pipeline.tables import Row
-from pipeline.views import main_rows
-
-DPI = 110
+from pipeline.views import TRAINED, main_rows
 
 
 def draw_all(
-    rows: Sequence[Row], overlays: Sequence[Overlay], trainings: Sequence[Training]
+    rows: Sequence[Row],
+    overlays: Sequence[Overlay],
+    trainings: Sequence[Training],
+    panels: Sequence[Panel] = (),
+    scores: Sequence[Scores] = (),
 ) -> dict[str, bytes]:
-    """Draw every picture, as PNG bytes by file name; no curves, no picture of them."""
-    pictures = {"errors.png": draw_errors(rows), "overlays.png": draw_overlays(overlays)}
-    if any(training.curve for training in trainings):
-        pictures["curves.png"] = draw_curves(trainings)
-    return pictures
+    """Draw every picture, as PNG bytes by file name; where there is nothing to draw, none."""
+    main = [training for training in trainings if training.setting is None and training.curve]
+    kinds = {row.setting.partition("=")[0] for row in rows if row.kind in ("line", "bin")}
+    timed = any(row.table == TIMING.table for row in rows)
+    candidates: list[tuple[str, object, Callable[[], bytes]]] = [
+        ("errors.png", True, lambda: draw_errors(rows)),
+        ("overlays.png", True, lambda: draw_overlays(overlays)),
+        ("curves.png", main, lambda: draw_curves(main)),
+        ("distributions.png", scores, lambda: draw_distributions(scores)),
+        ("accuracy_time.png", timed, lambda: draw_accuracy_time(rows)),
+        ("difficulty.png", kinds & {ROTATION, OVERLAP, "noise"}, lambda: draw_difficulty(rows)),
+        ("steps.png", kinds & {"steps"}, lambda: draw_steps(rows)),
+        ("ablations.png", kinds & {*TRAINED}, lambda: draw_ablations(rows)),
+    ]
+    pictures = {name: draw() for name, needed, draw in candidates if needed}
+    return pictures | {f"panels_{panel.dataset}.png": draw_panel(panel) for panel in panels}
 
 
 def draw_errors(rows: Sequence[Row]) -> bytes:
@@ -59,9 +80,9 @@ def draw_errors(rows: Sequence[Row]) -> bytes:
         _draw_panel(ax, here, methods, axis_start(chosen.values(), "error_r_deg"))
         ax.set_title(place(scenario).title, fontsize=9, loc="left", fontweight="bold")
     axes[0, 0].set_xscale("log")
-    axes[0, 0].xaxis.set_major_formatter(FuncFormatter(_plain))
+    plain_numbers(axes[0, 0], "x")
     figure.supxlabel("ERROR(R) [deg]: filled ours with 95 % interval, open the paper's", fontsize=9)
-    return _png(figure)
+    return png(figure)
 
 
 def _draw_panel(ax: Axes, rows: Sequence[Row], methods: Sequence[str], start: float) -> None:
@@ -106,7 +127,7 @@ def draw_overlays(overlays: Sequence[Overlay]) -> bytes:
         "blue: source, orange: target, green: source registered; the pair of median error",
         fontsize=9,
     )
-    return _png(figure)
+    return png(figure)
 
 
 def _draw_clouds(ax: Axes3D, clouds: Sequence[tuple[Float64[np.ndarray, "points 3"], str]]) -> None:
@@ -135,24 +156,11 @@ def draw_curves(trainings: Sequence[Training]) -> bytes:
             mark = "." if len(points[0]) <= 6 else None  # one look at the validation is a dot
             ax.plot(*points, color=color, lw=1.4, marker=mark, label=name)
         ax.set_yscale("log")
-        ax.yaxis.set_major_formatter(FuncFormatter(_plain))
-        ax.yaxis.set_minor_formatter(NullFormatter())
+        plain_numbers(ax, "y")
         ax.set_title(place(scenario).title, fontsize=9, loc="left", fontweight="bold")
         ax.tick_params(labelsize=8)
         ax.legend(fontsize=7, frameon=False)
         ax.grid(color="#E4E8EC", lw=0.8)
     figure.supxlabel("training step", fontsize=9)
     figure.supylabel("validation ERROR(R) [deg]", fontsize=9)
-    return _png(figure)
-
-
-def _plain(value: float, _: object) -> str:
-    return f"{value:g}"
-
-
-def _png(figure: Figure) -> bytes:
-    """Render without a date or a version, so that the same figure is the same file."""
-    FigureCanvasAgg(figure)
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=DPI, metadata={"Software": None})
-    return stream.getvalue()
+    return png(figure)

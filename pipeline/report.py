@@ -5,13 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.background import read_pair_facts, read_trainings
+from pipeline.difficulty import read_difficulties
+from pipeline.findings import make_findings
+from pipeline.latex import render_latex
 from pipeline.markdown import render_markdown
 from pipeline.overlays import read_overlays
 from pipeline.page import Contents, render_page
+from pipeline.panels import read_panels
 from pipeline.pictures import draw_all
-from pipeline.result_files import read_results
+from pipeline.result_files import WALKS, read_results, read_times
 from pipeline.tables import format_rows, make_rows
 from pipeline.views import banner, make_tables, summarise
+from pipeline.walks import Walk, read_walks
 
 BOOTSTRAP_SEED = 0
 
@@ -22,6 +27,7 @@ class Report:
 
     table: str
     markdown: str
+    latex: str
     page: str
     summary: str
     pictures: dict[str, bytes]
@@ -42,8 +48,10 @@ def make_report(results: Path, models: Path, pairs: Path, *, profile: str) -> Re
     """Compute all numbers once and render them: the same inputs, the same bytes.
 
     Args:
-        results: Folder of ``<scenario>/<method>.csv`` and ``ablations/<name>.csv``.
-        models: Folder of ``<scenario>/<method>.json`` with a curve ``.csv`` beside each.
+        results: Folder of ``<scenario>/<method>.csv``, ``ablations/<name>.csv``,
+            ``times/<method>.csv`` and ``walks/<scenario>/<method>.csv``; only the first are a must.
+        models: Folder of ``<scenario>/<method>.json`` with a curve ``.csv`` beside each, and of
+            the same under ``ablations/<name>``.
         pairs: Folder of the pair files ``<scenario>.h5``.
         profile: Name of the profile the numbers were made with.
 
@@ -52,17 +60,33 @@ def make_report(results: Path, models: Path, pairs: Path, *, profile: str) -> Re
         ValueError: A file is cut short or ill-formed.
     """
     scores = read_results(results)
+    scenarios = {one.scenario for one in scores}
     trainings = read_trainings(models)
-    facts = {name: read_pair_facts(pairs, name) for name in {one.scenario for one in scores}}
-    rows = make_rows(scores, seed=BOOTSTRAP_SEED)
+    facts = {name: read_pair_facts(pairs, name) for name in scenarios}
+    difficulties = read_difficulties(pairs, scenarios)
+    rows = make_rows(scores, read_times(results), difficulties, seed=BOOTSTRAP_SEED)
     tables = make_tables(rows, trainings, facts)
-    overlays = read_overlays(scores, pairs)
+    findings = make_findings(rows)
+    overlays, panels = read_overlays(scores, pairs), read_panels(scores, pairs)
     warning = banner(profile, facts.values())
     contents = Contents(rows, tables, overlays, trainings, facts, profile, warning)
     return Report(
         table=format_rows(rows),
-        markdown=render_markdown(tables, facts, warning),
+        markdown=render_markdown(tables, facts, warning, findings),
+        latex=render_latex(tables, facts, warning),
         page=render_page(contents),
         summary=json.dumps(summarise(rows, profile), indent=2, sort_keys=True) + "\n",
-        pictures=draw_all(rows, overlays, trainings),
+        pictures=draw_all(rows, overlays, trainings, panels, scores),
     )
+
+
+def read_all_walks(results: Path) -> dict[str, list[Walk]]:
+    """Read every ``walks/<scenario>/<method>.csv``, by scenario; none is fine.
+
+    Raises:
+        ValueError: One is cut short or ill-formed.
+    """
+    walks: dict[str, list[Walk]] = {}
+    for file in sorted(results.glob(f"{WALKS}/*/*.csv")):
+        walks.setdefault(file.parent.name, []).extend(read_walks(file))
+    return walks

@@ -1,13 +1,15 @@
 """Read the result files: what each method scored on each pair, checked before it is believed."""
 
 import csv
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
-from pipeline.paper import UNSEEN_OBJECTS
+from pipeline.paper import ABLATIONS as ABLATED
+from pipeline.paper import TIMING, UNSEEN_OBJECTS, place
 
 EULER = ("rx_deg", "ry_deg", "rz_deg")
 SHIFT = ("tx", "ty", "tz")
@@ -16,7 +18,9 @@ NUMBERS = ("error_r_deg", "error_t", *EULER, *SHIFT, *POSE)
 COLUMNS = ("pair", "item", "group", "setting", "failure", *NUMBERS)
 EXTRAS = ("recall", "seconds")
 """Columns a file may have besides: 0 or 1 by the benchmark's own test, and the time taken."""
-ABLATIONS = "ablations"
+ABLATIONS, TIMES, WALKS = "ablations", "times", "walks"
+"""Folders beside those of the scenarios."""
+TIMED = ("seconds", "peak_memory_mib")
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,13 @@ class Scores:
     numbers: dict[str, Float64[np.ndarray, " pairs"]]
     """The columns ``NUMBERS`` and those of ``EXTRAS`` the file has."""
 
+    @property
+    def table(self) -> str:
+        """The paper's table that they belong to, or ``extra``."""
+        if self.ablation is None:
+            return place(self.scenario).table
+        return ABLATED[self.ablation].table if self.ablation in ABLATED else "extra"
+
     def columns(self, names: tuple[str, ...]) -> Float64[np.ndarray, "pairs names"]:
         """Put some of the numbers side by side."""
         return np.stack([self.numbers[name] for name in names], axis=-1)
@@ -47,6 +58,25 @@ class Scores:
         return poses
 
 
+@dataclass(frozen=True)
+class Times:
+    """What one method took for each of a few pairs, one at a time, under one setting."""
+
+    method: str
+    setting: str
+    pair: Int64[np.ndarray, " pairs"]
+    """Index in the test group of the pair file, ascending."""
+    numbers: dict[str, Float64[np.ndarray, " pairs"]]
+    """The columns ``TIMED``: seconds, and MiB of memory above those of the loaded process."""
+    table: str = TIMING.table
+    scenario: str = UNSEEN_OBJECTS
+
+    @property
+    def failed(self) -> Bool[np.ndarray, " pairs"]:
+        """Nothing is told of failures: a pair that failed took its time too."""
+        return np.zeros(len(self.pair), dtype=bool)
+
+
 def read_results(folder: Path) -> list[Scores]:
     """Read every ``<scenario>/<method>.csv`` and ``ablations/<name>.csv`` under ``folder``.
 
@@ -54,12 +84,55 @@ def read_results(folder: Path) -> list[Scores]:
         FileNotFoundError: There is none.
         ValueError: One is cut short or ill-formed, or its pairs are not those of its neighbours.
     """
-    files = sorted(folder.glob("*/*.csv"))
+    files = [
+        file for file in sorted(folder.glob("*/*.csv")) if file.parent.name not in (TIMES, WALKS)
+    ]
     if not files:
         raise FileNotFoundError(f"{folder} needs a <scenario>/<method>.csv, found none")
     scores = [one for file in files for one in read_scores(file)]
     _check_same_pairs(folder, scores)
     return scores
+
+
+def read_times(folder: Path) -> list[Times]:
+    """Read every ``times/<method>.csv`` under ``folder``; none is fine.
+
+    Raises:
+        ValueError: One is cut short, has other columns, has a pair twice, or no time above zero.
+    """
+    return [one for file in sorted(folder.glob(f"{TIMES}/*.csv")) for one in _read_timed(file)]
+
+
+def _read_timed(file: Path) -> list[Times]:
+    header, rows = read_csv(file)
+    if header != ["pair", "setting", *TIMED]:
+        raise ValueError(
+            f"{file} needs the columns pair, setting, {', '.join(TIMED)}, has {header}"
+        )
+    settings: dict[str, list[list[str]]] = {}
+    for row in rows:
+        settings.setdefault(row[1], []).append(row)
+    return [_times(file, setting, rows) for setting, rows in sorted(settings.items())]
+
+
+def _times(file: Path, setting: str, rows: list[list[str]]) -> Times:
+    pair, order = _pairs(file, setting, [row[0] for row in rows])
+    numbers = {
+        name: np.array([_number(file, name, row[column]) for row in rows])[order]
+        for column, name in enumerate(TIMED, start=2)
+    }
+    if not (numbers["seconds"] > 0).all() or (numbers["peak_memory_mib"] < 0).any():
+        raise ValueError(f"{file} needs times above zero and memory not below, has others")
+    return Times(file.stem, setting, pair, numbers)
+
+
+def headlines(scores: Iterable[Scores]) -> dict[tuple[str, str], Scores]:
+    """Pick the main scores of each scenario and method: the paper's setting, else the first."""
+    chosen: dict[tuple[str, str], Scores] = {}
+    for one in sorted(scores, key=lambda one: (one.setting != "paper", one.setting)):
+        if one.ablation is None:
+            chosen.setdefault((one.scenario, one.method), one)
+    return chosen
 
 
 def read_scores(file: Path) -> list[Scores]:
@@ -89,18 +162,14 @@ def _scores(
     file: Path, key: tuple[str, str, str], rows: list[dict[str, str]], extras: tuple[str, ...]
 ) -> Scores:
     scenario, method, setting = key
-    pair = np.array([_number(file, "pair", row["pair"]) for row in rows]).astype(np.int64)
-    order = np.argsort(pair, kind="stable")
-    twice = pair[order][1:][np.diff(pair[order]) == 0]
-    if len(twice):
-        raise ValueError(f"{file} needs one row a pair, has pair {twice[0]} twice in {setting}")
+    pair, order = _pairs(file, setting, [row["pair"] for row in rows])
     rows = [rows[index] for index in order]
     return Scores(
         ablation=file.stem if _is_ablation(file) else None,
         scenario=scenario,
         method=method,
         setting=setting,
-        pair=pair[order],
+        pair=pair,
         group=tuple(row["group"] for row in rows),
         failed=np.array([row["failure"] != "" for row in rows]),
         numbers={
@@ -108,6 +177,18 @@ def _scores(
             for name in (*NUMBERS, *extras)
         },
     )
+
+
+def _pairs(
+    file: Path, setting: str, texts: list[str]
+) -> tuple[Int64[np.ndarray, " pairs"], Int64[np.ndarray, " pairs"]]:
+    """Read the pairs' indices, ascending, and say which row each is in."""
+    pair = np.array([_number(file, "pair", text) for text in texts]).astype(np.int64)
+    order = np.argsort(pair, kind="stable")
+    twice = pair[order][1:][np.diff(pair[order]) == 0]
+    if len(twice):
+        raise ValueError(f"{file} needs one row a pair, has pair {twice[0]} twice in {setting}")
+    return pair[order], order
 
 
 def _number(file: Path, column: str, text: str) -> float:

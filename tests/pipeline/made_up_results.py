@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from pcrdiff.registration import SPLITS, Pairs
 from pipeline import artifacts
-from pipeline.paper import UNSEEN_OBJECTS
+from pipeline.paper import UNSEEN_OBJECTS, VALUES
 from pipeline.result_files import COLUMNS, EULER, POSE, SHIFT
+from pipeline.walks import Walk
+from pipeline.walks import write_walks as write_the_walks
 
 ROTATION_ERROR_DEG = {
     "identity": 25.0,
@@ -31,35 +34,150 @@ SCENARIOS = (
     "3dmatch",
     "kitti",
 )
+EVERY_METHOD = ROTATION_ERROR_DEG | {
+    "trimmed_icp": 0.3,
+    "gicp": 1.5,
+    "ransac_fpfh": 0.6,
+    "small_gicp": 0.2,
+    "kiss_matcher": 0.4,
+    "pointnetlk": 3.0,
+    "pcrnet": 7.0,
+    "deepgmr": 2.5,
+    "dcp_v1": 6.0,
+    "dcp_v2": 5.0,
+    "fmr": 3.2,
+    "rpmnet": 1.4,
+    "egst": 1.2,
+}
+"""The same for all rows of the tables; a few suffice for most tests."""
+ABLATED = {
+    "diffusion": {
+        "pcrdiffusion_cf": {"diffusion=with": 4.0, "diffusion=without": 4.1},
+        "pcrdiffusion_cb": {"diffusion=with": 1.0, "diffusion=without": 1.0},
+    },
+    "representation": {
+        "pcrdiffusion_cb": {
+            f"representation={name},scaling={scaling}": 1.0 + 0.2 * number + 0.1 * len(scaling)
+            for number, name in enumerate(VALUES["representation"])
+            for scaling in VALUES["scaling"]
+        }
+    },
+    "fusion": {"pcrdiffusion_cf": {"fusion=source": 4.0, "fusion=target": 4.0, "fusion=concat": 9}},
+    "steps": {
+        method: {
+            f"steps={steps},sampler={sampler}{draw}": deviation * (1 + 0.2 / steps)
+            for steps in (1, 2, 4, 8, 16)
+            for sampler in VALUES["sampler"]
+            for draw in ("", ",draw=1", ",draw=2")
+        }
+        for method, deviation in (("pcrdiffusion_cf", 4.0), ("pcrdiffusion_cb", 1.0))
+    },
+    "hypotheses": {
+        "pcrdiffusion_cf": {f"hypotheses={k}": 4.0 - 0.2 * i for i, k in enumerate((1, 4, 16))}
+    },
+    "noise": {
+        method: {f"noise={sd}": deviation + 100 * sd for sd in (0.0, 0.005, 0.01, 0.02, 0.04)}
+        for method, deviation in (("icp", 9.0), ("fgr", 2.0), ("pcrdiffusion_cb", 1.0))
+    },
+}
+"""By ablation, method and setting, the standard deviation of the error of each Euler angle."""
+TRAINED = ("diffusion", "representation", "fusion")
+"""Ablations that train for each of their values."""
 GROUPS = ("airplane", "bottle", "chair", "vase")
 LEARNED = ("pcrdiffusion_cf", "pcrdiffusion_cb")
 
 
-def write_everything(folder: Path, scenarios: tuple[str, ...] = SCENARIOS, pairs: int = 12) -> None:
-    """Write ``results``, ``models`` and ``pairs`` for the methods above under ``folder``."""
+def write_everything(
+    folder: Path,
+    scenarios: tuple[str, ...] = SCENARIOS,
+    pairs: int = 12,
+    methods: Mapping[str, float] = ROTATION_ERROR_DEG,
+) -> None:
+    """Write ``results``, ``models`` and ``pairs`` for some methods under ``folder``."""
+    results, models = folder / "results", folder / "models"
     for number, scenario in enumerate(scenarios):
         generator = np.random.default_rng(number)
         poses = random_poses(pairs, generator)
         write_pairs(folder / "pairs", scenario, poses, generator)
-        for method, deviation in ROTATION_ERROR_DEG.items():
+        for method, deviation in methods.items():
             rows = score_rows(poses, deviation, "paper", generator)
-            write_rows(folder / "results" / scenario / f"{method}.csv", rows)
+            write_rows(results / scenario / f"{method}.csv", rows)
         for method in LEARNED:
-            write_training(folder / "models" / scenario, method, generator)
+            write_training(models / scenario / method, generator)
+            write_walks(results / "walks" / scenario / f"{method}.csv", method, poses, generator)
     if UNSEEN_OBJECTS in scenarios:
-        write_steps(folder / "results" / "ablations", pairs)
+        for name, answers in ABLATED.items():
+            write_ablation(results / "ablations" / f"{name}.csv", answers, pairs)
+        write_ablated_trainings(models / "ablations")
+        for method in methods:
+            write_times(results / "times" / f"{method}.csv", method, min(pairs, 5))
 
 
-def write_steps(folder: Path, pairs: int) -> None:
-    """Write the ablation over sampling steps."""
+def write_ablation(file: Path, answers: Mapping[str, Mapping[str, float]], pairs: int) -> None:
+    """Write an ablation: by method and setting, answers so far off."""
     generator = np.random.default_rng(99)
     poses = random_poses(pairs, generator)
-    steps = [
-        {"method": "pcrdiffusion_cf", **row}
-        for step, deviation in ((1, 4.0), (2, 3.5), (4, 3.4), (16, 3.4))
-        for row in score_rows(poses, deviation, f"steps={step}", generator)
+    rows = [
+        {"method": method, **row}
+        for method, settings in answers.items()
+        for setting, deviation in settings.items()
+        for row in score_rows(poses, deviation, setting, generator)
     ]
-    write_rows(folder / "steps.csv", steps)
+    write_rows(file, rows)
+
+
+def write_ablated_trainings(folder: Path) -> None:
+    """Write the trainings of the ablations that train."""
+    generator = np.random.default_rng(98)
+    for name in TRAINED:
+        for method, settings in ABLATED[name].items():
+            for setting in settings:
+                values = "-".join(part.partition("=")[2] for part in setting.split(","))
+                told = {"scenario": UNSEEN_OBJECTS, "method": method, "setting": setting}
+                write_training(folder / name / f"{method}-{values}", generator, epochs=6, **told)
+
+
+def write_times(file: Path, method: str, pairs: int) -> None:
+    """Write how long a method took in the paper's setting."""
+    generator = np.random.default_rng(len(method))
+    typical = generator.uniform(0.5, 1.5) * (0.004 if method in LEARNED else 0.05)
+    write_rows(
+        file,
+        [
+            {
+                "pair": pair,
+                "setting": "paper",
+                "seconds": repr(float(typical * generator.uniform(0.8, 1.2))),
+                "peak_memory_mib": repr(float(40 * generator.uniform(0.9, 1.1))),
+            }
+            for pair in range(pairs)
+        ],
+    )
+
+
+def write_walks(file: Path, method: str, poses: np.ndarray, generator: np.random.Generator) -> None:
+    """Write a walk back in four steps for each of the first two pairs."""
+    times = (1000, 750, 500, 250)
+    made = [
+        Walk(
+            method,
+            pair,
+            times,
+            np.stack([disturbed(pose, time / 1000, generator) for time in times]),
+            np.stack([disturbed(pose, time / 9000, generator) for time in times]),
+        )
+        for pair, pose in enumerate(poses[:2])
+    ]
+    write_the_walks(file, made)
+
+
+def disturbed(pose: np.ndarray, share: float, generator: np.random.Generator) -> np.ndarray:
+    """Turn and shift a pose at random, by about ``share`` of a radian and of the unit."""
+    moved = pose.copy()
+    turn = Rotation.from_rotvec(generator.normal(0, share, 3)).as_matrix()
+    moved[:3, :3] = turn @ pose[:3, :3]
+    moved[:3, 3] += generator.normal(0, share, 3)
+    return moved
 
 
 def random_poses(count: int, generator: np.random.Generator) -> np.ndarray:
@@ -118,21 +236,21 @@ def write_rows(file: Path, rows: list[dict[str, object]]) -> Path:
     return file
 
 
-def write_training(folder: Path, method: str, generator: np.random.Generator) -> None:
-    """Write a training curve that falls, and its budget."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / f"{method}.csv").open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(
-            ["epoch", "step", "learning_rate", "loss", "val_error_r_deg", "val_error_t"]
-        )
-        for epoch in range(1, 31):
-            loss = 2 / epoch * generator.uniform(0.8, 1.2)
-            errors = (20 * loss, loss / 3) if epoch % 2 == 0 else ("", "")
-            writer.writerow([epoch, 38 * epoch, 1e-3, loss, *errors])
-    budget = {"epochs": 30, "steps": 1140, "batch_size": 32, "train_pairs": 1216}
-    budget |= {"parameters": 4231111, "best_epoch": 28}
-    (folder / f"{method}.json").write_text(json.dumps(budget))
+def write_training(
+    path: Path, generator: np.random.Generator, epochs: int = 30, **told: str
+) -> None:
+    """Write a training curve that falls, ``<path>.csv``, and its budget, ``<path>.json``."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    head = ["epoch", "step", "learning_rate", "loss", "val_error_r_deg", "val_error_t"]
+    rows: list[list[object]] = []
+    for epoch in range(1, epochs + 1):
+        loss = 2 / epoch * generator.uniform(0.8, 1.2)
+        errors = (20 * loss, loss / 3) if epoch % 2 == 0 else ("", "")
+        rows.append([epoch, 38 * epoch, 1e-3, loss, *errors])
+    artifacts.write_csv(path.with_name(f"{path.name}.csv"), [head, *rows])
+    budget = {"epochs": epochs, "steps": 38 * epochs, "batch_size": 32, "train_pairs": 1216}
+    budget |= {"parameters": 4231111, "best_epoch": epochs - 2}
+    path.with_name(f"{path.name}.json").write_text(json.dumps(budget | told))
 
 
 def write_pairs(

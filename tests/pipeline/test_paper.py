@@ -102,21 +102,24 @@ def test_every_number_of_table_2_is_the_papers(tables: list[list[list[str]]]) ->
         (
             "3",
             {
-                "(a) w/ diffusion (CF)": ("pcrdiffusion_cf", "diffusion=off"),
-                "(b) w/ diffusion (CB)": ("pcrdiffusion_cb", "diffusion=off"),
-                "(c) PCRDiffusion (CF)": ("pcrdiffusion_cf", "diffusion=on"),
-                "(d) PCRDiffusion (CB)": ("pcrdiffusion_cb", "diffusion=on"),
+                "(a) w/ diffusion (CF)": ("pcrdiffusion_cf", "diffusion=without"),
+                "(b) w/ diffusion (CB)": ("pcrdiffusion_cb", "diffusion=without"),
+                "(c) PCRDiffusion (CF)": ("pcrdiffusion_cf", "diffusion=with"),
+                "(d) PCRDiffusion (CB)": ("pcrdiffusion_cb", "diffusion=with"),
             },
         ),
         (
             "4",
             {
-                "7-dimensional vectors": ("pcrdiffusion_cb", "representation=quaternion"),
-                "6-dimensional vectors": ("pcrdiffusion_cb", "representation=euler"),
+                "7-dimensional vectors": (
+                    "pcrdiffusion_cb",
+                    "representation=quaternion,scaling=raw",
+                ),
+                "6-dimensional vectors": ("pcrdiffusion_cb", "representation=euler,scaling=raw"),
             },
         ),
         ("5", {cell: ("pcrdiffusion_cf", setting) for cell, setting in FUSED}),
-        ("7", {str(steps): ("pcrdiffusion_cf", f"steps={steps}") for steps in (1, 2, 4, 8)}),
+        ("7", {str(n): ("pcrdiffusion_cf", f"steps={n},sampler=ddpm") for n in (1, 2, 4, 8)}),
     ],
 )
 def test_every_number_of_the_ablations_is_the_papers(

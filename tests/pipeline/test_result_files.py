@@ -7,8 +7,13 @@ import pytest
 
 from pipeline.artifacts import ANSWER, read_pairs
 from pipeline.background import read_pair_facts, read_test_pair, read_trainings
-from pipeline.result_files import COLUMNS, read_results
-from tests.pipeline.made_up_results import plain_row, write_everything, write_rows
+from pipeline.result_files import COLUMNS, headlines, read_results, read_times
+from tests.pipeline.made_up_results import (
+    ROTATION_ERROR_DEG,
+    plain_row,
+    write_everything,
+    write_rows,
+)
 
 FILE = "modelnet40-unseen_objects/icp.csv"
 
@@ -88,6 +93,76 @@ def test_reads_trainings_and_leaves_gaps_where_nothing_was_validated(tmp_path: P
     assert first.budget["best_epoch"] == 28
     assert first.curve["val_error_r_deg"][0] is None
     assert first.curve["loss"][0] is not None
+
+
+def test_reads_an_ablations_trainings_under_the_names_they_give(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("modelnet40-unseen_objects",), 2)
+    trainings = read_trainings(tmp_path / "models")
+    main = [one for one in trainings if one.setting is None]
+    assert [one.method for one in main] == ["pcrdiffusion_cb", "pcrdiffusion_cf"]
+    ablated = {(one.method, one.setting): one for one in trainings if one.setting}
+    assert len(ablated) == 4 + 12 + 3
+    euler = ablated["pcrdiffusion_cb", "representation=euler,scaling=raw"]
+    assert (euler.scenario, euler.budget["epochs"]) == ("modelnet40-unseen_objects", 6)
+    assert len(euler.curve["loss"]) == 6
+
+
+def test_refuses_an_ablations_training_without_its_setting(tmp_path: Path) -> None:
+    file = tmp_path / "ablations" / "fusion" / "pcrdiffusion_cf-concat.json"
+    file.parent.mkdir(parents=True)
+    file.write_text('{"scenario": "kitti", "method": "pcrdiffusion_cf"}')
+    with pytest.raises(
+        ValueError, match=r"cf-concat\.json needs the names of scenario, method and"
+    ):
+        read_trainings(tmp_path)
+
+
+def timed(pair: int = 0, **more: str) -> dict[str, object]:
+    row = {"pair": pair, "setting": "paper", "seconds": "0.5", "peak_memory_mib": "12.0"}
+    return row | more
+
+
+def test_reads_times_and_leaves_them_and_walks_out_of_the_results(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("modelnet40-unseen_objects",), 7)
+    scores, times = read_results(tmp_path / "results"), read_times(tmp_path / "results")
+    assert {one.scenario for one in scores} == {"modelnet40-unseen_objects"}
+    assert {one.method for one in times} == {*ROTATION_ERROR_DEG}
+    assert times[0].pair.tolist() == [0, 1, 2, 3, 4]
+    assert (times[0].numbers["peak_memory_mib"] > 30).all()
+
+
+def test_no_times_are_no_fault(tmp_path: Path) -> None:
+    assert read_times(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([timed(), timed()], "pair 0 twice"),
+        ([timed(seconds="0.0")], "times above zero"),
+        ([timed(peak_memory_mib="-1.0")], "memory not below"),
+        ([timed(seconds="soon")], "a finite number in column seconds"),
+        ([timed() | {"colour": "red"}], "needs the columns pair, setting, seconds, peak_memory"),
+    ],
+)
+def test_refuses_times_that_cannot_be(
+    tmp_path: Path, rows: list[dict[str, object]], message: str
+) -> None:
+    write_rows(tmp_path / "times" / "icp.csv", rows)
+    with pytest.raises(ValueError, match=message):
+        read_times(tmp_path)
+
+
+def test_headlines_are_of_the_papers_setting_where_there_is_one(tmp_path: Path) -> None:
+    both = [plain_row(0), plain_row(0, off_deg=1.0) | {"setting": "official"}]
+    write_rows(tmp_path / FILE, both)
+    write_rows(tmp_path / "kitti" / "gicp.csv", both[1:])
+    write_rows(tmp_path / "ablations" / "steps.csv", [{"method": "icp", **both[0]}])
+    found = headlines(read_results(tmp_path))
+    assert {key: one.setting for key, one in found.items()} == {
+        ("modelnet40-unseen_objects", "icp"): "paper",
+        ("kitti", "gicp"): "official",
+    }
 
 
 def test_refuses_a_budget_that_is_cut_short(tmp_path: Path) -> None:

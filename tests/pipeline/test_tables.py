@@ -1,16 +1,31 @@
 """Rows of ``results.csv`` and the tables made of them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pipeline.background import PairFacts
+from pipeline.background import PairFacts, Training, read_trainings
+from pipeline.difficulty import read_difficulties
+from pipeline.findings import Finding
 from pipeline.markdown import render_markdown
-from pipeline.result_files import read_results
+from pipeline.paper import FLOORS, MAE_AND_ERROR
+from pipeline.result_files import read_results, read_times
 from pipeline.tables import Row, bootstrap_interval, format_rows, make_rows, measure, parse_rows
-from pipeline.views import NOT_BELOW_CONSTANT, NOT_BELOW_ICP, banner, main_rows, make_tables, show
+from pipeline.views import (
+    NOT_BELOW_CONSTANT,
+    NOT_BELOW_ICP,
+    SPREAD,
+    Table,
+    banner,
+    main_rows,
+    make_tables,
+    setting_rank,
+    show,
+    spread,
+)
 from tests.pipeline.made_up_results import plain_row, write_everything, write_rows
 
 UNSEEN = "modelnet40-unseen_objects"
@@ -109,14 +124,164 @@ def test_results_csv_has_the_agreed_columns_and_reads_back(tmp_path: Path) -> No
         parse_rows("table,value\n")
 
 
-def test_steps_stand_in_table_7_beside_the_papers_numbers(tmp_path: Path) -> None:
-    write_everything(tmp_path, (UNSEEN,), 5)
-    rows = rows_of(tmp_path / "results")
-    row = pick(rows, table="7", setting="steps=2", metric="error_r_deg", subset="all")
-    assert row.paper == 3.1962
-    (table,) = [t for t in make_tables(rows, [], {UNSEEN: facts()}) if t.key[0::3] == ("7", "all")]
-    settings = [line.setting for line in table.lines if not line.is_floor]
-    assert settings == ["steps=1", "steps=2", "steps=4", "steps=16"]
+@pytest.fixture(scope="module")
+def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Row], list[Table]]:
+    """All kinds of rows of a few methods on unseen objects, and their tables."""
+    folder = tmp_path_factory.mktemp("made_up")
+    write_everything(folder, (UNSEEN,), 12)
+    scores, times = read_results(folder / "results"), read_times(folder / "results")
+    rows = make_rows(scores, times, read_difficulties(folder / "pairs", [UNSEEN]), seed=0)
+    return rows, make_tables(rows, read_trainings(folder / "models"), {UNSEEN: facts()})
+
+
+def table_of(tables: Sequence[Table], number: str, ablated: str) -> Table:
+    (found,) = [table for table in tables if table.key == (number, UNSEEN, ablated, "all")]
+    return found
+
+
+def settings_of(table: Table) -> list[str]:
+    return [line.setting for line in table.lines if not line.is_floor]
+
+
+def test_steps_stand_in_table_7_by_sampler_beside_the_papers_numbers(
+    everything: tuple[list[Row], list[Table]],
+) -> None:
+    rows, tables = everything
+    named = {"table": "7", "method": "pcrdiffusion_cf", "metric": "error_r_deg", "subset": "all"}
+    assert pick(rows, setting="steps=2,sampler=ddpm", **named).paper == 3.1962
+    assert pick(rows, setting="steps=2,sampler=ddim", **named).paper is None
+    table = table_of(tables, "7", "steps")
+    assert settings_of(table)[:10] == [
+        f"steps={steps},sampler={sampler}"
+        for sampler in ("ddpm", "ddim")
+        for steps in (1, 2, 4, 8, 16)
+    ]
+    assert table.absent == ()
+
+
+def test_the_spread_over_draws_is_the_deviation_of_their_means(
+    everything: tuple[list[Row], list[Table]],
+) -> None:
+    rows, tables = everything
+    means = [
+        row.value
+        for row in rows
+        if row.method == "pcrdiffusion_cf"
+        and (row.metric, row.subset, row.table) == ("error_r_deg", "all", "7")
+        and row.setting.startswith("steps=2,sampler=ddpm")
+        and row.kind != "contrast"
+    ]
+    assert len(means) == 3
+    line = next(
+        x for x in table_of(tables, "7", "steps").lines if x.setting == "steps=2,sampler=ddpm"
+    )
+    cell = line.cells[SPREAD]
+    assert cell.value == pytest.approx(np.std(means, ddof=1))
+    assert cell.low < cell.value < cell.high
+    assert SPREAD not in {row.metric for row in rows}
+
+
+def test_the_interval_of_a_spread_covers_as_often_as_it_says() -> None:
+    generator = np.random.default_rng(4)
+    row = Row("7", UNSEEN, "all", "m", "steps=1", "error_r_deg", 0.0, 0.0, 0.0, None, 9, 0)
+    covered = [
+        cell.low < 2.0 < cell.high
+        for values in generator.normal(5, 2, (2000, 4))
+        for cell in [spread([replace(row, value=float(value)) for value in values])]
+    ]
+    assert np.mean(covered) == pytest.approx(0.95, abs=0.015)
+
+
+def test_ablations_keep_the_order_of_the_paper(everything: tuple[list[Row], list[Table]]) -> None:
+    tables = everything[1]
+    third = [
+        (line.setting, line.method[-2:])
+        for line in table_of(tables, "3", "diffusion").lines
+        if not line.is_floor
+    ]
+    assert third == [(f"diffusion={x}", m) for x in ("without", "with") for m in ("cf", "cb")]
+    assert settings_of(table_of(tables, "4", "representation"))[:3] == [
+        "representation=quaternion,scaling=raw",
+        "representation=quaternion,scaling=standardised",
+        "representation=euler,scaling=raw",
+    ]
+    assert settings_of(table_of(tables, "5", "fusion")) == [
+        "fusion=concat", "fusion=target", "fusion=source"
+    ]  # fmt: skip
+    assert setting_rank("noise=0.02") < setting_rank("noise=0.1")
+
+
+def test_every_ablation_stands_on_the_floors(everything: tuple[list[Row], list[Table]]) -> None:
+    for table in everything[1]:
+        assert [line.method for line in table.lines if line.is_floor] == [*FLOORS]
+
+
+def test_an_ablations_row_tells_its_own_training(
+    everything: tuple[list[Row], list[Table]],
+) -> None:
+    notes = {
+        (table.key[2], line.setting): table.notes[line.note - 1]
+        for table in everything[1]
+        for line in table.lines
+        if line.method == "pcrdiffusion_cf" and table.key[3] == "all"
+    }
+    assert "6 epochs" in notes["fusion", "fusion=target"]
+    assert "30 epochs" in notes["steps", "steps=1,sampler=ddpm"]
+    assert "does not converge" in notes["fusion", "fusion=concat"]
+    assert "does not converge" not in notes["fusion", "fusion=source"]
+
+
+def test_noise_tells_of_the_training_on_noise(tmp_path: Path) -> None:
+    noisy = Training("modelnet40-gaussian_noise", "pcrnet", {"epochs": 77}, {})
+    clean = Training(UNSEEN, "pcrnet", {"epochs": 5}, {})
+    row = {"method": "pcrnet", **plain_row(0, off_deg=1.0), "setting": "noise=0.02"}
+    write_rows(tmp_path / "ablations" / "noise.csv", [row])
+    table = make_tables(rows_of(tmp_path), [clean, noisy], {UNSEEN: facts()})[0]
+    assert "77 epochs" in table.notes[table.lines[-1].note - 1]
+
+
+def test_table_6_repeats_the_accuracy_of_what_was_timed(
+    everything: tuple[list[Row], list[Table]],
+) -> None:
+    rows, tables = everything
+    table = table_of(tables, "6", "")
+    assert table.metrics == (*MAE_AND_ERROR, "seconds", "peak_memory_mib")
+    assert all({*table.metrics} <= {*line.cells} for line in table.lines)
+    cb = next(line for line in table.lines if line.method == "pcrdiffusion_cb")
+    first = pick(rows, table="1a", method="pcrdiffusion_cb", metric="mae_t", subset="all",
+                 setting="paper")  # fmt: skip
+    assert cb.cells["mae_t"] == replace(first, table="6")
+    assert (cb.cells["seconds"].pairs, cb.cells["mae_t"].pairs) == (5, 12)
+    assert cb.cells["seconds"].paper == 0.0986
+    cf = next(line for line in table.lines if line.method == "pcrdiffusion_cf")
+    assert table.notes[cf.note - 1].endswith("The paper prints its time as below 1e-10 s.")
+
+
+def test_a_contrast_is_the_mean_of_paired_differences(tmp_path: Path) -> None:
+    for method, errors in (("pcrdiffusion_cb", (1.0, 2.0, 3.0)), ("fgr", (2.0, 3.0, 4.0))):
+        rows = [plain_row(pair, off_deg=error) for pair, error in enumerate(errors)]
+        write_rows(tmp_path / "kitti" / f"{method}.csv", rows)
+    found = rows_of(tmp_path)
+    row = pick(found, setting="paper minus fgr:paper", metric="error_r_deg")
+    assert (row.value, row.low, row.high) == (-2.0, -2.0, -2.0)  # the pairs differ, not the methods
+    assert (row.table, row.kind, row.paper) == ("2", "contrast", None)
+    improvement = pick(found, setting="paper minus fgr:paper", metric="improvement_percent")
+    assert improvement.value == pytest.approx(100 / 3, rel=1e-5)
+    assert improvement.low < improvement.value < improvement.high
+
+
+def test_no_improvement_is_told_over_a_method_that_errs_nowhere(tmp_path: Path) -> None:
+    write_rows(tmp_path / "kitti" / "pcrdiffusion_cb.csv", [plain_row(0, off_deg=1.0)])
+    write_rows(tmp_path / "kitti" / "fgr.csv", [plain_row(0)])
+    assert "improvement_percent" not in {row.metric for row in rows_of(tmp_path)}
+
+
+def test_bins_draws_and_contrasts_are_no_lines(everything: tuple[list[Row], list[Table]]) -> None:
+    rows, tables = everything
+    assert {row.kind for row in rows} == {"line", "bin", "draw", "contrast"}
+    told = {row.setting for row in rows if row.kind != "line"}
+    assert told.isdisjoint({line.setting for table in tables for line in table.lines})
+    assert {row.setting for row in main_rows(rows, "error_r_deg").values()} == {"paper"}
 
 
 def write_floors(folder: Path, learned: dict[str, object]) -> None:
@@ -202,3 +367,10 @@ def test_a_note_claims_of_a_learned_row_the_authors_updates_and_no_more(tmp_path
     assert notes["icp"].startswith("Setting: the authors' own settings.")
     assert notes["rpmnet"].startswith("Setting: the authors' own number of updates.")
     assert notes["pcrnet"].startswith("Setting: the paper's iteration counts.")
+
+
+def test_results_begin_with_what_was_found() -> None:
+    finding = Finding("Speed", "CF is fastest.", ("Ours: 0.1 s [0.1, 0.2].",), "undecided")
+    text = render_markdown([], {}, "a warning", [finding])
+    assert text.index("a warning") < text.index("## What we found") < text.index("## Tables")
+    assert "- **Speed: undecided.** CF is fastest.\n  - Ours: 0.1 s [0.1, 0.2].\n" in text
