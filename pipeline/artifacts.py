@@ -252,7 +252,8 @@ def write_curve(path: Path, curve: "Sequence[Epoch]") -> None:
 
 ANSWER = ["pair", "item", "group", "setting", "failure", "error_r_deg", "error_t"]
 ANSWER += ["rx_deg", "ry_deg", "rz_deg", "tx", "ty", "tz"]
-ANSWER += [f"T{row}{column}" for row in range(3) for column in range(4)]
+POSE = tuple(f"T{row}{column}" for row in range(3) for column in range(4))
+ANSWER += POSE
 
 
 def write_estimates(path: Path, truth: Pairs, answers: "Mapping[str, Estimates]") -> None:
@@ -297,3 +298,21 @@ def write_csv(path: Path, rows: Sequence[Sequence[object]]) -> None:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
     write_atomically(path, text.getvalue().encode())
+
+
+def read_csv(file: Path) -> tuple[list[str], list[list[str]]]:
+    """Read the header and the rows of a CSV file.
+
+    Raises:
+        ValueError: The file is empty, or ends or breaks off in the middle of a row.
+    """
+    text = file.read_text(encoding="utf-8")
+    if not text.endswith("\n"):
+        raise ValueError(f"{file} needs a whole last line, it is empty or cut short")
+    header, *rows = csv.reader(text.splitlines(keepends=True))
+    for number, row in enumerate(rows, start=2):
+        if len(row) != len(header):
+            raise ValueError(
+                f"{file} needs {len(header)} fields a row, row {number} has {len(row)}"
+            )
+    return header, rows

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from pipeline.artifacts import read_attributes, read_pairs
-from pipeline.result_files import ABLATIONS, read_csv
+from pipeline.artifacts import read_attributes, read_csv, read_pairs
+from pipeline.result_files import ABLATIONS
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from pcrdiff.registration import Pairs
 from pipeline.artifacts import read_pairs
 from pipeline.background import PairFacts, read_pair_facts
 from pipeline.paper import method_rank, place, scenario_rank, shown
-from pipeline.result_files import Scores
+from pipeline.result_files import Scores, headlines
 from pipeline.walks import Walk
 
 CHOOSERS = ("pcrdiffusion_cb", "pcrdiffusion_cf", "icp")
@@ -113,10 +113,7 @@ def move(T_target_source: Float64[np.ndarray, "4 4"], source: Cloud) -> Cloud:
 
 def headline_scores(scores: Iterable[Scores], scenario: str) -> dict[str, Scores]:
     """Pick one setting of each method, the paper's where it was run, in the order of the rows."""
-    found: dict[str, Scores] = {}
-    for one in sorted(scores, key=lambda one: (one.setting != "paper", one.setting)):
-        if one.scenario == scenario and one.ablation is None:
-            found.setdefault(one.method, one)
+    found = {method: one for (where, method), one in headlines(scores).items() if where == scenario}
     return {method: found[method] for method in sorted(found, key=method_rank)}
 
 

@@ -18,7 +18,7 @@ from pipeline.figures import (
     distribution_figure,
     errors_figure,
 )
-from pipeline.findings import Finding
+from pipeline.findings import RULE, Finding
 from pipeline.overlays import KnownPair, Overlay
 from pipeline.paper import ABLATIONS, UNSEEN_OBJECTS, method_rank, place, scenario_rank, shown
 from pipeline.provenance import Provenance
@@ -101,6 +101,7 @@ def render_page(contents: Contents) -> str:
         UNSEEN_OBJECTS=UNSEEN_OBJECTS,
         best=best,
         RESAMPLES=RESAMPLES,
+        RULE=RULE.replace("**", ""),
     )
     scenarios = sorted(contents.facts, key=scenario_rank)
     curves = _by_scenario(contents.trainings)
@@ -232,7 +233,7 @@ def unbeaten(tables: Sequence[Table]) -> list[str]:
     return [
         place(table.key[1]).title
         for table in tables
-        if table.key[2:] == ("", "all")
+        if (table.key[0], *table.key[2:]) == (place(table.key[1]).table, "", "all")
         and all(NOT_BELOW_ICP in line.marks for line in table.lines if not line.is_floor)
     ]
 

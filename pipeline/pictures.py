@@ -30,7 +30,7 @@ from pipeline.figures import (
     method_color,
 )
 from pipeline.overlays import Overlay, thin
-from pipeline.panels import Panel, draw_panel
+from pipeline.panels import draw_panel
 from pipeline.paper import TIMING, method_rank, place, scenario_rank, shown
 from pipeline.result_files import Scores
 from pipeline.tables import Row
@@ -41,7 +41,6 @@ def draw_all(
     rows: Sequence[Row],
     overlays: Sequence[Overlay],
     trainings: Sequence[Training],
-    panels: Sequence[Panel] = (),
     scores: Sequence[Scores] = (),
 ) -> dict[str, bytes]:
     """Draw every picture, as PNG bytes by file name; where there is nothing to draw, none."""
@@ -59,7 +58,8 @@ def draw_all(
         ("ablations.png", kinds & {*TRAINED}, lambda: draw_ablations(rows)),
     ]
     pictures = {name: draw() for name, needed, draw in candidates if needed}
-    return pictures | {f"panels_{panel.dataset}.png": draw_panel(panel) for panel in panels}
+    panels = {one.facts.scenario.partition("-")[0]: one for one in overlays}
+    return pictures | {f"panels_{name}.png": draw_panel(one) for name, one in panels.items()}
 
 
 def draw_errors(rows: Sequence[Row]) -> bytes:

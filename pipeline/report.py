@@ -9,10 +9,10 @@ from pipeline.difficulty import read_difficulties
 from pipeline.findings import make_findings
 from pipeline.latex import render_latex
 from pipeline.markdown import render_markdown
-from pipeline.overlays import read_overlays
+from pipeline.overlays import read_overlays, read_walked_pairs
 from pipeline.page import Contents, render_page
-from pipeline.panels import read_panels
 from pipeline.pictures import draw_all
+from pipeline.provenance import Provenance
 from pipeline.result_files import WALKS, read_results, read_times
 from pipeline.tables import format_rows, make_rows
 from pipeline.views import banner, make_tables, summarise
@@ -44,7 +44,14 @@ class Report:
         }
 
 
-def make_report(results: Path, models: Path, pairs: Path, *, profile: str) -> Report:
+def make_report(
+    results: Path,
+    models: Path,
+    pairs: Path,
+    *,
+    profile: str,
+    provenance: Provenance | None = None,
+) -> Report:
     """Compute all numbers once and render them: the same inputs, the same bytes.
 
     Args:
@@ -54,6 +61,7 @@ def make_report(results: Path, models: Path, pairs: Path, *, profile: str) -> Re
             the same under ``ablations/<name>``.
         pairs: Folder of the pair files ``<scenario>.h5``.
         profile: Name of the profile the numbers were made with.
+        provenance: For the page; of the code and of what these folders hold.
 
     Raises:
         FileNotFoundError: There are no results, or no pair file for some of them.
@@ -67,16 +75,23 @@ def make_report(results: Path, models: Path, pairs: Path, *, profile: str) -> Re
     rows = make_rows(scores, read_times(results), difficulties, seed=BOOTSTRAP_SEED)
     tables = make_tables(rows, trainings, facts)
     findings = make_findings(rows)
-    overlays, panels = read_overlays(scores, pairs), read_panels(scores, pairs)
+    overlays, walks = read_overlays(scores, pairs), read_all_walks(results)
     warning = banner(profile, facts.values())
-    contents = Contents(rows, tables, overlays, trainings, facts, profile, warning)
+    contents = Contents(
+        rows, tables, overlays, trainings, facts, profile, warning,
+        findings=findings,
+        walks=walks,
+        walked=read_walked_pairs(walks, pairs),
+        scores=scores,
+        provenance=provenance,
+    )  # fmt: skip
     return Report(
         table=format_rows(rows),
         markdown=render_markdown(tables, facts, warning, findings),
         latex=render_latex(tables, facts, warning),
         page=render_page(contents),
         summary=json.dumps(summarise(rows, profile), indent=2, sort_keys=True) + "\n",
-        pictures=draw_all(rows, overlays, trainings, panels, scores),
+        pictures=draw_all(rows, overlays, trainings, scores),
     )
 
 

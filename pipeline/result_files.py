@@ -1,6 +1,5 @@
 """Read the result files: what each method scored on each pair, checked before it is believed."""
 
-import csv
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
+from pipeline.artifacts import POSE, read_csv
 from pipeline.paper import ABLATIONS as ABLATED
 from pipeline.paper import TIMING, UNSEEN_OBJECTS, place
 
 EULER = ("rx_deg", "ry_deg", "rz_deg")
 SHIFT = ("tx", "ty", "tz")
-POSE = tuple(f"T{row}{column}" for row in range(3) for column in range(4))
 NUMBERS = ("error_r_deg", "error_t", *EULER, *SHIFT, *POSE)
 COLUMNS = ("pair", "item", "group", "setting", "failure", *NUMBERS)
 EXTRAS = ("recall", "seconds")
@@ -199,24 +198,6 @@ def _number(file: Path, column: str, text: str) -> float:
     if not np.isfinite(value):
         raise ValueError(f"{file} needs a finite number in column {column}, got {text!r}")
     return value
-
-
-def read_csv(file: Path) -> tuple[list[str], list[list[str]]]:
-    """Read the header and the rows of a CSV file.
-
-    Raises:
-        ValueError: The file is empty, or ends or breaks off in the middle of a row.
-    """
-    text = file.read_text(encoding="utf-8")
-    if not text.endswith("\n"):
-        raise ValueError(f"{file} needs a whole last line, it is empty or cut short")
-    header, *rows = csv.reader(text.splitlines(keepends=True))
-    for number, row in enumerate(rows, start=2):
-        if len(row) != len(header):
-            raise ValueError(
-                f"{file} needs {len(header)} fields a row, row {number} has {len(row)}"
-            )
-    return header, rows
 
 
 def _is_ablation(file: Path) -> bool:

@@ -7,8 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Float64
 
-from pipeline.artifacts import write_csv
-from pipeline.result_files import POSE, read_csv
+from pipeline.artifacts import POSE, read_csv, write_csv
 
 Kind = Literal["noisy", "predicted"]
 """G_t, read as a pose, or the prediction of G_0 made from it."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from pipeline.artifacts import write_atomically
 from pipeline.mlflow_sync import sync_after_report
 from pipeline.params import read_params
+from pipeline.provenance import read_provenance
 from pipeline.report import make_report
 from pipeline.stage import run
 from pipeline.tracking import journal
@@ -15,21 +16,30 @@ from pipeline.tracking import journal
 def main(argv: list[str] | None = None) -> None:
     """Read the folders, make the report, write its files, and bring MLflow up to date."""
     parser = argparse.ArgumentParser(description=__doc__)
-    for name in ("results", "models", "pairs", "table", "markdown", "page", "figures", "summary"):
+    for name in ("results", "models", "pairs"):
+        parser.add_argument(f"--{name}", type=Path, required=True)
+    for name in ("table", "markdown", "latex", "page", "figures", "summary"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     args = parser.parse_args(argv)
 
     params = read_params()
     with journal(params={"profile": params.profile}) as notes:
-        report = make_report(args.results, args.models, args.pairs, profile=params.profile)
+        report = make_report(
+            args.results,
+            args.models,
+            args.pairs,
+            profile=params.profile,
+            provenance=read_provenance(Path.cwd()),
+        )
         write_atomically(args.table, report.table.encode())
         write_atomically(args.markdown, report.markdown.encode())
+        write_atomically(args.latex, report.latex.encode())
         write_atomically(args.summary, report.summary.encode())
         write_atomically(args.page, report.page.encode())
         for name, picture in report.pictures.items():
             write_atomically(args.figures / name, picture)
         notes.metrics(report.headline)
-        for path in (args.table, args.markdown, args.page, args.figures):
+        for path in (args.table, args.markdown, args.latex, args.page, args.figures):
             notes.artifact(path)
     sys.stderr.write(f"{sync_after_report().sentence()}\n")
 

@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from pcrdiff.registration import SPLITS, Pairs
 from pipeline import artifacts
+from pipeline.artifacts import POSE
 from pipeline.paper import UNSEEN_OBJECTS, VALUES
-from pipeline.result_files import COLUMNS, EULER, POSE, SHIFT
+from pipeline.result_files import COLUMNS, EULER, SHIFT
 from pipeline.walks import Walk
 from pipeline.walks import write_walks as write_the_walks
 

@@ -28,8 +28,7 @@ from pipeline.overlays import (
     thin,
 )
 from pipeline.paper import METHODS
-from pipeline.pictures import draw_all
-from pipeline.result_files import Scores, read_results
+from pipeline.result_files import Scores, headlines, read_results
 from pipeline.scenes import errors, overlay_figure, scene_data, walk_figure
 from pipeline.study_figures import (
     MEASURES,
@@ -41,6 +40,7 @@ from pipeline.study_figures import (
     steps_figure,
 )
 from pipeline.tables import Row, make_rows
+from pipeline.views import main_rows
 from pipeline.walks import Walk
 from tests.pipeline.made_up_page import row, study_rows
 from tests.pipeline.made_up_results import write_everything
@@ -101,7 +101,7 @@ def test_errors_are_those_of_the_rows_and_zero_sits_at_the_edge(inputs: Inputs) 
 
 
 def rows_of_table(rows: list[Row]) -> list[Row]:
-    return [r for r in rows if (r.subset, r.metric) == ("all", "error_r_deg") and r.table != "7"]
+    return [*main_rows(rows, "error_r_deg").values()]
 
 
 def test_panels_share_their_scale_and_their_rows(inputs: Inputs) -> None:
@@ -190,7 +190,7 @@ def test_lines_of_an_ablation_read_as_words() -> None:
 def test_overlays_show_the_pairs_of_best_median_and_worst_error(inputs: Inputs) -> None:
     _, overlays, _, scores = inputs
     assert [overlay.facts.scenario for overlay in overlays] == [*SCENARIOS]
-    cb = next(s for s in scores if (s.scenario, s.method) == (SCENARIOS[0], "pcrdiffusion_cb"))
+    cb = headlines(scores)[SCENARIOS[0], "pcrdiffusion_cb"]
     errors = cb.numbers["error_r_deg"]
     chosen = choose_pairs(cb)
     assert {name: one.pair for name, one in overlays[0].choices.items()} == chosen
@@ -301,16 +301,3 @@ def test_no_two_methods_look_alike() -> None:
         (style["line"]["color"], style["marker"]["symbol"]) for style in map(method_style, METHODS)
     }
     assert len(looks) == len(METHODS)
-
-
-def test_pictures_are_png_and_the_same_twice(inputs: Inputs) -> None:
-    rows, overlays, trainings, _ = inputs
-    pictures = draw_all(rows, overlays, trainings)
-    assert sorted(pictures) == ["curves.png", "errors.png", "overlays.png"]
-    assert all(content.startswith(b"\x89PNG") for content in pictures.values())
-    assert pictures == draw_all(rows, overlays, trainings)
-    assert all(len(content) < 400_000 for content in pictures.values())
-
-
-def test_no_curves_no_picture_of_them(inputs: Inputs) -> None:
-    assert "curves.png" not in draw_all(inputs[0], inputs[1], [])

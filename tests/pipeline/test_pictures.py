@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.background import Training, read_test_pair, read_trainings
+from pipeline.background import Training, read_trainings
 from pipeline.charts import draw_accuracy_time, draw_difficulty
 from pipeline.difficulty import read_difficulties
 from pipeline.overlays import Overlay, read_overlays
-from pipeline.panels import POINTS, Panel, chosen_pairs, project, read_panels
+from pipeline.panels import project
 from pipeline.pictures import draw_all
-from pipeline.result_files import Scores, headlines, read_results, read_times
+from pipeline.result_files import Scores, read_results, read_times
 from pipeline.tables import Row, make_rows
 from tests.pipeline.made_up_results import EVERY_METHOD, write_everything
 
@@ -27,7 +27,6 @@ class Inputs(NamedTuple):
     rows: list[Row]
     overlays: list[Overlay]
     trainings: list[Training]
-    panels: list[Panel]
     scores: list[Scores]
 
 
@@ -44,7 +43,7 @@ def inputs(folder: Path) -> Inputs:
     pairs = folder / "pairs"
     rows = make_rows(scores, times, read_difficulties(pairs, SCENARIOS), seed=0)
     trainings = read_trainings(folder / "models")
-    return Inputs(rows, read_overlays(scores, pairs), trainings, read_panels(scores, pairs), scores)
+    return Inputs(rows, read_overlays(scores, pairs), trainings, scores)
 
 
 def test_pictures_are_there_small_as_wide_as_a_screen_and_the_same_twice(inputs: Inputs) -> None:
@@ -70,38 +69,8 @@ def test_pictures_are_there_small_as_wide_as_a_screen_and_the_same_twice(inputs:
 def test_what_there_is_nothing_of_is_not_drawn(inputs: Inputs) -> None:
     rows = [row for row in inputs.rows if row.table == "2" and row.kind == "line"]
     only = [one for one in inputs.trainings if one.setting is not None]
-    assert sorted(draw_all(rows, inputs.overlays, only)) == ["errors.png", "overlays.png"]
-
-
-def test_panels_show_the_best_the_median_and_the_worst_pair_of_cb(
-    inputs: Inputs, folder: Path
-) -> None:
-    assert [panel.dataset for panel in inputs.panels] == ["modelnet40", "kitti"]
-    panel = inputs.panels[0]
-    cb = headlines(inputs.scores)[panel.scenario, "pcrdiffusion_cb"]
-    errors = cb.numbers["error_r_deg"]
-    by_rank = {block.rank: block for block in panel.blocks}
-    assert errors[by_rank["best"].pair] == errors.min()
-    assert errors[by_rank["worst"].pair] == errors.max()
-    assert errors[by_rank["median"].pair] == np.sort(errors)[4]
-    assert {block.rank: block.pair for block in panel.blocks} == chosen_pairs(cb)
-    assert [tile.method for tile in by_rank["best"].tiles] == [*EVERY_METHOD_IN_ORDER]
-    source, _ = read_test_pair(folder / "pairs", panel.scenario, by_rank["best"].pair)
-    assert len(by_rank["best"].source) == POINTS < len(source)
-
-
-EVERY_METHOD_IN_ORDER = (
-    "identity", "constant", "icp_centroid", "icp", "trimmed_icp", "gicp", "fgr", "ransac_fpfh",
-    "small_gicp", "kiss_matcher", "pointnetlk", "pcrnet", "deepgmr", "dcp_v1", "dcp_v2", "fmr",
-    "rpmnet", "egst", "pcrdiffusion_cf", "pcrdiffusion_cb",
-)  # fmt: skip
-
-
-def test_a_tile_of_a_true_pose_lies_on_the_target(inputs: Inputs) -> None:
-    for block in inputs.panels[1].blocks:
-        exact = next(tile for tile in block.tiles if tile.method == "icp_centroid")
-        np.testing.assert_allclose(exact.points, block.target, atol=1e-4)
-        assert exact.error_r_deg == 0
+    pictures = draw_all(rows, inputs.overlays[1:], only)
+    assert sorted(pictures) == ["errors.png", "overlays.png", "panels_kitti.png"]
 
 
 def test_a_projection_keeps_lengths_and_puts_up_above() -> None:

@@ -12,8 +12,8 @@ from torch import Tensor
 
 from pipeline.params import read_params
 from pipeline.timing import COLUMNS, Cost, summarise, time_method, time_pairs, write_costs
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from tests.described import REPOSITORY
+from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from tests.tiny import CF, PAIRS, SCENARIO
 
 

@@ -60,6 +60,7 @@ def test_the_summary_holds_numbers_of_the_table(tmp_path: Path) -> None:
         row.value
         for row in rows
         if (row.scenario, row.method, row.metric) == ("kitti", "pcrdiffusion_cb", "error_r_deg")
+        and row.kind == "line"
     ]
     assert summary["error_r_deg"]["kitti"]["pcrdiffusion_cb"] == cb
     assert len(summary["error_r_deg"]["modelnet40-unseen_objects"]) == 7
