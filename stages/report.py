@@ -7,8 +7,8 @@ from pathlib import Path
 from pipeline.artifacts import write_atomically
 from pipeline.mlflow_sync import sync_after_report
 from pipeline.params import read_params
-from pipeline.provenance import read_provenance
-from pipeline.report import make_report
+from pipeline.reporting.provenance import read_provenance
+from pipeline.reporting.report import make_report
 from pipeline.stage import run
 from pipeline.tracking import journal
 

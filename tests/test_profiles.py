@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 import yaml
 
-from pipeline.paper import METHODS, UNSEEN_OBJECTS
 from pipeline.params import read_params
+from pipeline.reporting.paper import METHODS, UNSEEN_OBJECTS
 from tests.described import REPOSITORY
 
 PROFILES = ("quick", "cpu", "paper")

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from pcrdiff.registration import LearnedMethod, Method
-from pipeline.building import DIFFUSED, LEARNED, build_classical, build_learned, settings_of
-from pipeline.params import Params, read_params
+from pipeline.building import LEARNED, build_classical, build_learned, settings_of
+from pipeline.params import DIFFUSED, Params, read_params
 from tests.pipeline.test_artifacts import made_up_pairs
 
 

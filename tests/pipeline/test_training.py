@@ -9,6 +9,7 @@ from torch import Tensor
 from pipeline.params import Params, read_params
 from pipeline.tracking import Journal
 from pipeline.training import CODE, Trained, train_method, training_params
+from pipeline.variants import AS_IT_IS, Variant
 from tests.described import read_templates
 from tests.tiny import CB, CF, PAIRS, SCENARIO
 
@@ -28,8 +29,8 @@ class Forgetful:
         raise AssertionError(f"saved {tensors}, {record}")
 
 
-def train(params: Params, method: str = CF) -> Trained:
-    return train_method(params, SCENARIO, method, PAIRS, Forgetful())
+def train(params: Params, method: str = CF, variant: Variant = AS_IT_IS) -> Trained:
+    return train_method(params, SCENARIO, method, variant, PAIRS, Forgetful())
 
 
 def changed(params: Params, section: str, **update: object) -> Params:
@@ -152,4 +153,32 @@ def test_the_journal_gets_the_curve_and_the_numbers(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("project")
 def test_refuses_a_missing_pair_file() -> None:
     with pytest.raises(FileNotFoundError, match=r"gone\.h5, there is none: run preprocess"):
-        train_method(read_params(), SCENARIO, CF, Path("gone.h5"), Forgetful())
+        train_method(read_params(), SCENARIO, CF, AS_IT_IS, Path("gone.h5"), Forgetful())
+
+
+@pytest.mark.usefixtures("project")
+def test_a_variant_has_the_ablations_budget_and_says_what_it_varies() -> None:
+    variant = {"representation": "twist", "scaling": "standardised"}
+    trained = train(read_params(), CF, variant)
+    assert trained.facts["epochs"] == 2
+    assert trained.facts["setting"] == "representation=twist,scaling=standardised"
+    assert trained.weights["space.mean"].shape == (6,)
+    assert (trained.weights["space.deviation"] != 1).all()
+    assert "setting" not in train(read_params()).facts
+    told = training_params(read_params(), SCENARIO, CF, variant)
+    assert told["network"]["representation"] == "twist"
+    assert told["epochs"] == 2
+
+
+@pytest.mark.usefixtures("project")
+def test_variants_start_from_the_same_draws() -> None:
+    source, target = (train(read_params(), CF, {"fusion": name}) for name in ("source", "target"))
+    first = [trained.curve[0].losses["chamfer"] for trained in (source, target)]
+    assert first[0] == pytest.approx(first[1], rel=0.2)
+    assert not same(source.weights, target.weights)
+
+
+@pytest.mark.usefixtures("project")
+def test_a_key_that_the_network_has_not_is_refused() -> None:
+    with pytest.raises(ValueError, match="the network of pcrdiffusion_cb has no fusion to vary"):
+        train(read_params(), CB, {"fusion": "source"})

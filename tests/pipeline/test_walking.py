@@ -1,5 +1,6 @@
 """A walk that is followed is the walk that is taken."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,8 @@ import torch
 
 from pcrdiff.diffusion.process import time_pairs
 from pcrdiff.diffusion.sampling import Walk
+from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
+from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pipeline.params import read_params
 from pipeline.walking import follow, follow_walks
 from pipeline.walks import read_walks, write_walks
@@ -18,7 +21,9 @@ WALK = Walk(timesteps=20, steps=4, sampler="ddpm")
 
 
 @pytest.mark.parametrize("make", [make_cf, make_cb])
-def test_the_last_prediction_is_the_registration(make: type[make_cf]) -> None:  # type: ignore[valid-type]
+def test_the_last_prediction_is_the_registration(
+    make: Callable[[Walk], PCRDiffusionCF | PCRDiffusionCB],
+) -> None:
     method, pairs = make(WALK), made_up_pairs(1, 40, generator=seeded(0))
     times, noisy, predicted = follow(method, pairs.source, pairs.target, seed=5)
     answer = method.register(pairs.source, pairs.target, generator=seeded(5))

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.mlflow_sync import SyncReport
-from pipeline.tables import parse_rows
+from pipeline.reporting.tables import parse_rows
 from stages.report import main
-from tests.pipeline.made_up_results import make_report_inputs, write_everything
+from tests.pipeline.reporting.made_up_results import make_report_inputs, write_everything
 
 SCENARIOS = ("modelnet40-unseen_objects", "kitti")
 FILES = [

@@ -1,0 +1,244 @@
+"""The page: everything in one file, warnings first, nothing of this machine in it."""
+
+import json
+import re
+import subprocess
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from pipeline.reporting.page import Contents, flatten, render_page
+from pipeline.reporting.provenance import read_provenance
+from pipeline.reporting.report import make_report
+from tests.pipeline.reporting.made_up_page import make_contents
+from tests.pipeline.reporting.made_up_results import plain_row, write_everything, write_rows
+
+
+class Elements(HTMLParser):
+    """Collects the ids, the links within the page and the addresses an element would fetch."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.anchors: list[str] = []
+        self.fetched: list[str] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note one element."""
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value or "")
+            if name == "href" and (value or "").startswith("#"):
+                self.anchors.append((value or "")[1:])
+            elif name in ("src", "href") and not (value or "").startswith("data:"):
+                self.fetched.append(f"{tag} {value}")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("made_up")
+    write_everything(folder, ("modelnet40-unseen_objects", "kitti"), 5)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path) -> str:
+    return render(folder, "quick")
+
+
+@pytest.fixture(scope="module")
+def contents(tmp_path_factory: pytest.TempPathFactory) -> Contents:
+    return make_contents(tmp_path_factory.mktemp("full"), ("modelnet40-unseen_objects", "kitti"), 5)
+
+
+@pytest.fixture(scope="module")
+def full(contents: Contents) -> str:
+    return render_page(contents)
+
+
+def render(folder: Path, profile: str) -> str:
+    parts = (folder / name for name in ("results", "models", "pairs"))
+    return make_report(*parts, profile=profile).page
+
+
+def test_the_page_is_the_same_twice(folder: Path, page: str, contents: Contents, full: str) -> None:
+    assert render(folder, "quick") == page
+    assert render_page(contents) == full
+
+
+def test_the_page_fetches_nothing_and_stays_small(full: str) -> None:
+    assert Elements(full).fetched == []
+    assert "@import" not in full.split("</style>")[0]
+    assert len(full.encode()) < 8_000_000
+
+
+@pytest.mark.parametrize("which", ["page", "full"])
+def test_every_link_within_the_page_leads_somewhere(
+    which: str, request: pytest.FixtureRequest
+) -> None:
+    page = request.getfixturevalue(which)
+    elements = Elements(page)
+    assert len(elements.ids) == len({*elements.ids})
+    assert {*elements.anchors} <= {*elements.ids}
+    assert len(elements.anchors) > 20
+
+
+@pytest.mark.parametrize("which", ["page", "full"])
+def test_every_figure_has_its_place_and_every_place_its_figure(
+    which: str, request: pytest.FixtureRequest
+) -> None:
+    page = request.getfixturevalue(which)
+    found = re.search(r'<script type="application/json" id="figures">(.*?)</script>', page, re.S)
+    assert found
+    places = {name for name in Elements(page).ids if name.startswith("plot-")}
+    assert {*json.loads(found[1])} == places
+    assert {"plot-overlay-kitti", "plot-steps", "plot-errors-rotation-kitti"} <= places
+
+
+def test_a_quick_run_says_so_at_the_top(page: str) -> None:
+    body = page.split("<body>")[1]
+    assert body.index("quick profile: not a reproduction") < body.index("<nav")
+
+
+def test_nothing_of_this_machine_is_in_the_page(folder: Path, page: str) -> None:
+    written = page.replace(page[page.index("<script>") : page.index("</script>")], "")
+    assert str(folder) not in written
+    assert "/somewhere/raw" not in written
+
+
+def test_provenance_is_listed_leaf_by_leaf_without_paths() -> None:
+    provenance = {
+        "source": "local",
+        "root": "/home/someone/data",
+        "windows": "C:\\data",
+        "pose": {"max_rotation_deg": 45.0, "axes": [0, 1]},
+        "archives": [{"sha256": "0" * 64}, {"sha256": "1" * 64}],
+    }
+    assert flatten(provenance) == {
+        "archives": "2 entries",
+        "pose.axes": "[0, 1]",
+        "pose.max_rotation_deg": "45.0",
+        "source": "local",
+    }
+
+
+def test_text_from_files_cannot_become_markup(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("kitti",), 3)
+    for file in (tmp_path / "results").glob("*/*.csv"):
+        text = re.sub("airplane|bottle|chair", "<b>group</b>", file.read_text())
+        file.write_text(text)
+    for file in (tmp_path / "models").glob("*/*cb.json"):
+        file.rename(file.with_name("<i>method<.json"))
+        file.with_suffix(".csv").rename(file.with_name("<i>method<.csv"))
+    page = render(tmp_path, "quick")
+    assert "<b>group</b>" not in page
+    assert "&lt;b&gt;group&lt;/b&gt;" in page
+    assert "<i>" not in page.split("<script>")[0]
+
+
+def test_a_report_without_trainings_or_ablations_is_still_a_report(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("kitti",), 3)
+    parts = (tmp_path / "results", tmp_path / "no_models", tmp_path / "pairs")
+    page = make_report(*parts, profile="quick").page
+    for section in ("ablations", "steps", "speed", "difficulty", "curves"):
+        assert f'id="{section}"' not in page
+        assert f'href="#{section}"' not in page
+
+
+def test_a_glance_keeps_the_order_of_the_rows_also_for_methods_without_a_paper_setting(
+    tmp_path: Path,
+) -> None:
+    write_everything(tmp_path, ("kitti",), 3)
+    rows = [plain_row(pair, off_deg=1.0) | {"setting": "official"} for pair in range(3)]
+    write_rows(tmp_path / "results" / "kitti" / "gicp.csv", rows)
+    text = render(tmp_path, "quick")
+    glance = text[text.index('<section id="glance">') : text.index('<section id="errors">')]
+    places = [glance.index(name) for name in (">ICP<", ">Generalized ICP<", ">PCRDiffusion CB<")]
+    assert places == sorted(places)
+
+
+def test_each_claim_stands_beside_our_numbers_with_its_verdict(full: str) -> None:
+    section = full[full.index('<section id="findings">') : full.index('<section id="glance">')]
+    assert section.count("<tr>") == 5
+    assert "Without diffusion CF falls from 3.2786 to 168.0197 deg." in section
+    assert "Ours falls from 4.02 deg [3.51, 4.55]" in section
+    assert '<span aria-hidden="true">✗</span>not confirmed' in section
+
+
+def test_clouds_are_in_the_page_once_and_poses_are_twelve_numbers(full: str) -> None:
+    found = re.search(r'<script type="application/json" id="scenes">(.*?)</script>', full, re.S)
+    assert found
+    scenes = json.loads(found[1])
+    assert {*scenes["overlays"]["kitti"]} == {"best", "median", "worst"}
+    shown = {f"kitti/{one['pair']}" for one in scenes["overlays"]["kitti"].values()}
+    walked = {f"kitti/{one['pair']}" for one in scenes["walks"]["kitti"]}
+    assert {name for name in scenes["clouds"] if name.startswith("kitti/")} == shown | walked
+    assert all(len(cloud["source"]) == 3 for cloud in scenes["clouds"].values())
+    poses = scenes["overlays"]["kitti"]["worst"]["poses"]
+    assert len(poses) > 15
+    assert {len(one["pose"]) for one in poses.values()} == {12}
+
+
+def test_walks_without_their_clouds_are_left_out(contents: Contents) -> None:
+    assert 'id="walks"' not in render_page(replace(contents, walked={}))
+
+
+def test_a_script_element_cannot_be_ended_by_its_data(contents: Contents) -> None:
+    kitti = next(one for one in contents.overlays if one.facts.scenario == "kitti")
+    page = render_page(replace(contents, overlays=[replace(kitti, group="</script><!--x")]))
+    assert "</script><!--" not in page
+    assert "<!--x" not in page
+
+
+def test_provenance_names_revision_changes_digests_and_ablation_trainings(full: str) -> None:
+    section = full[full.index('<section id="provenance">') : full.index('<section id="reading">')]
+    for said in (
+        "0123456789abcdef0123456789abcdef01234567",
+        "<strong>with uncommitted changes</strong> in params.yaml",
+        "d" * 32,
+        "Python 3.11.9, numpy 2.0.0, torch 2.4.0",
+        "representation=euler,scaling=raw",
+        "10 epochs, 380 steps",
+    ):
+        assert said in section
+    assert "not recorded" not in section
+
+
+def test_a_page_made_outside_git_and_dvc_says_so(contents: Contents, tmp_path: Path) -> None:
+    known = read_provenance(tmp_path)
+    assert (known.revision, known.changed, known.digests) == (None, (), {})
+    for provenance in (known, None):
+        page = render_page(replace(contents, provenance=provenance))
+        assert "Git revision: not recorded." in page
+        assert "Digests: not recorded." in page
+
+
+def test_provenance_is_read_from_git_and_the_lock(tmp_path: Path) -> None:
+    def git(*words: str) -> None:
+        identity = ("-c", "user.name=test", "-c", "user.email=test@localhost")
+        subprocess.run(["git", *identity, *words], cwd=tmp_path, check=True)
+
+    (tmp_path / "params.yaml").write_text("seed: 7\n")
+    (tmp_path / "README.md").write_text("a\n")
+    git("init", "--quiet")
+    git("add", "--all")
+    git("commit", "--quiet", "-m", "start")
+    clean = read_provenance(tmp_path)
+    assert re.fullmatch(r"[0-9a-f]{40}", clean.revision or "")
+    assert clean.changed == ()
+    (tmp_path / "README.md").write_text("b\n")
+    (tmp_path / "params.yaml").write_text("seed: 8\n")
+    (tmp_path / "stages").mkdir()
+    (tmp_path / "stages" / "new.py").write_text("")
+    outs = [
+        {"path": "data/pairs/kitti.h5", "md5": "a" * 32},
+        {"path": "reports/x", "md5": "b" * 32},
+    ]
+    (tmp_path / "dvc.lock").write_text(json.dumps({"stages": {"preprocess@kitti": {"outs": outs}}}))
+    known = read_provenance(tmp_path)
+    assert known.changed == ("params.yaml", "stages/new.py")
+    assert known.digests == {"data/pairs/kitti.h5": "a" * 32}
+    assert "torch" in known.packages

@@ -1,0 +1,204 @@
+"""Result files are believed only when they are whole."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.artifacts import ANSWER, read_pairs
+from pipeline.reporting.background import read_pair_facts, read_test_pair, read_trainings
+from pipeline.reporting.result_files import COLUMNS, headlines, read_results, read_times
+from tests.pipeline.reporting.made_up_results import (
+    ROTATION_ERROR_DEG,
+    plain_row,
+    write_everything,
+    write_rows,
+)
+
+FILE = "modelnet40-unseen_objects/icp.csv"
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return write_rows(tmp_path / FILE, [plain_row(pair, off_deg=1.25) for pair in range(3)])
+
+
+def test_reads_rows_in_the_order_of_the_pairs(tmp_path: Path) -> None:
+    rows = [plain_row(pair, off_deg=float(pair)) for pair in (2, 0, 1)]
+    write_rows(tmp_path / FILE, rows)
+    (scores,) = read_results(tmp_path)
+    assert scores.pair.tolist() == [0, 1, 2]
+    assert scores.numbers["rx_deg"].tolist() == [0.0, 1.0, 2.0]
+    np.testing.assert_array_equal(scores.T_target_source(), np.tile(np.eye(4), (3, 1, 1)))
+
+
+def test_keeps_settings_of_one_file_apart(tmp_path: Path) -> None:
+    rows = [plain_row(0), plain_row(0, off_deg=1.0) | {"setting": "official"}]
+    write_rows(tmp_path / FILE, rows)
+    assert [one.setting for one in read_results(tmp_path)] == ["official", "paper"]
+
+
+def test_a_failure_with_a_comma_and_quotes_is_a_failure(tmp_path: Path) -> None:
+    rows = [plain_row(0) | {"failure": 'fgr needs 3 matches, got "none"'}, plain_row(1)]
+    write_rows(tmp_path / FILE, rows)
+    assert read_results(tmp_path)[0].failed.tolist() == [True, False]
+
+
+def test_refuses_an_empty_folder(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="found none"):
+        read_results(tmp_path)
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.3, 0.5, 0.9, 0.999])
+def test_refuses_a_file_cut_anywhere_in_a_line(file: Path, kept: float) -> None:
+    content = file.read_bytes()
+    file.write_bytes(content[: int(kept * len(content))])
+    with pytest.raises(ValueError, match=r"icp\.csv needs"):
+        read_results(file.parents[1])
+
+
+def test_refuses_a_file_cut_between_lines_when_a_neighbour_has_more(file: Path) -> None:
+    write_rows(file.with_name("fgr.csv"), [plain_row(pair) for pair in range(2)])
+    with pytest.raises(ValueError, match=r"fgr\.csv needs all 3 pairs .* has 2"):
+        read_results(file.parents[1])
+
+
+def test_refuses_a_pair_twice(tmp_path: Path) -> None:
+    write_rows(tmp_path / FILE, [plain_row(0), plain_row(0)])
+    with pytest.raises(ValueError, match=r"icp\.csv .* pair 0 twice"):
+        read_results(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "", "one"])
+def test_refuses_what_is_no_finite_number(tmp_path: Path, text: str) -> None:
+    write_rows(tmp_path / FILE, [plain_row(0) | {"error_t": text}])
+    with pytest.raises(ValueError, match=r"icp\.csv needs a finite number in column error_t"):
+        read_results(tmp_path)
+
+
+def test_refuses_missing_and_unknown_columns(tmp_path: Path) -> None:
+    row = plain_row(0)
+    del row["ty"]
+    write_rows(tmp_path / FILE, [row])
+    with pytest.raises(ValueError, match=r"icp\.csv needs the columns ty"):
+        read_results(tmp_path)
+    write_rows(tmp_path / FILE, [plain_row(0) | {"colour": "red"}])
+    with pytest.raises(ValueError, match=r"icp\.csv has columns nobody here reads: colour"):
+        read_results(tmp_path)
+
+
+def test_reads_trainings_and_leaves_gaps_where_nothing_was_validated(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("modelnet40-unseen_objects",), 2)
+    first = read_trainings(tmp_path / "models")[0]
+    assert first.budget["best_epoch"] == 28
+    assert first.curve["val_error_r_deg"][0] is None
+    assert first.curve["loss"][0] is not None
+
+
+def test_reads_an_ablations_trainings_under_the_names_they_give(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("modelnet40-unseen_objects",), 2)
+    trainings = read_trainings(tmp_path / "models")
+    main = [one for one in trainings if one.setting is None]
+    assert [one.method for one in main] == ["pcrdiffusion_cb", "pcrdiffusion_cf"]
+    ablated = {(one.method, one.setting): one for one in trainings if one.setting}
+    assert len(ablated) == 4 + 12 + 3
+    euler = ablated["pcrdiffusion_cb", "representation=euler,scaling=raw"]
+    assert (euler.scenario, euler.budget["epochs"]) == ("modelnet40-unseen_objects", 6)
+    assert len(euler.curve["loss"]) == 6
+
+
+def test_refuses_an_ablations_training_without_its_setting(tmp_path: Path) -> None:
+    file = tmp_path / "ablations" / "fusion" / "pcrdiffusion_cf-concat.json"
+    file.parent.mkdir(parents=True)
+    file.write_text('{"scenario": "kitti", "method": "pcrdiffusion_cf"}')
+    with pytest.raises(
+        ValueError, match=r"cf-concat\.json needs the names of scenario, method and"
+    ):
+        read_trainings(tmp_path)
+
+
+def timed(pair: int = 0, **more: str) -> dict[str, object]:
+    row = {"pair": pair, "setting": "paper", "seconds": "0.5", "peak_memory_mib": "12.0"}
+    return row | more
+
+
+def test_reads_times_and_leaves_them_and_walks_out_of_the_results(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("modelnet40-unseen_objects",), 7)
+    scores, times = read_results(tmp_path / "results"), read_times(tmp_path / "results")
+    assert {one.scenario for one in scores} == {"modelnet40-unseen_objects"}
+    assert {one.method for one in times} == {*ROTATION_ERROR_DEG}
+    assert times[0].pair.tolist() == [0, 1, 2, 3, 4]
+    assert (times[0].numbers["peak_memory_mib"] > 30).all()
+
+
+def test_no_times_are_no_fault(tmp_path: Path) -> None:
+    assert read_times(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([timed(), timed()], "pair 0 twice"),
+        ([timed(seconds="0.0")], "times above zero"),
+        ([timed(peak_memory_mib="-1.0")], "memory not below"),
+        ([timed(seconds="soon")], "a finite number in column seconds"),
+        ([timed() | {"colour": "red"}], "needs the columns pair, setting, seconds, peak_memory"),
+    ],
+)
+def test_refuses_times_that_cannot_be(
+    tmp_path: Path, rows: list[dict[str, object]], message: str
+) -> None:
+    write_rows(tmp_path / "times" / "icp.csv", rows)
+    with pytest.raises(ValueError, match=message):
+        read_times(tmp_path)
+
+
+def test_headlines_are_of_the_papers_setting_where_there_is_one(tmp_path: Path) -> None:
+    both = [plain_row(0), plain_row(0, off_deg=1.0) | {"setting": "official"}]
+    write_rows(tmp_path / FILE, both)
+    write_rows(tmp_path / "kitti" / "gicp.csv", both[1:])
+    write_rows(tmp_path / "ablations" / "steps.csv", [{"method": "icp", **both[0]}])
+    found = headlines(read_results(tmp_path))
+    assert {key: one.setting for key, one in found.items()} == {
+        ("modelnet40-unseen_objects", "icp"): "paper",
+        ("kitti", "gicp"): "official",
+    }
+
+
+def test_refuses_a_budget_that_is_cut_short(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("modelnet40-unseen_objects",), 2)
+    file = tmp_path / "models" / "modelnet40-unseen_objects" / "pcrdiffusion_cb.json"
+    file.write_text(file.read_text()[:-5])
+    with pytest.raises(ValueError, match=r"pcrdiffusion_cb\.json needs a whole JSON object"):
+        read_trainings(tmp_path / "models")
+
+
+def test_says_which_pair_file_is_missing_or_broken(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"kitti\.h5"):
+        read_pair_facts(tmp_path, "kitti")
+    (tmp_path / "kitti.h5").write_bytes(b"not HDF5")
+    with pytest.raises(ValueError, match=r"kitti\.h5 is not a pair file"):
+        read_pair_facts(tmp_path, "kitti")
+
+
+def test_a_pair_file_tells_what_it_is_and_shows_a_pair_of_its_test_split(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("kitti",), 3)
+    facts = read_pair_facts(tmp_path / "pairs", "kitti")
+    assert (facts.scenario, facts.source, facts.unit) == ("kitti", "synthetic", "m")
+    assert (facts.seed, facts.schema, facts.test_pairs) == (7, 1, 3)
+    assert facts.provenance["max_rotation_deg"] == 45.0
+    test = read_pairs(tmp_path / "pairs" / "kitti.h5", "test")
+    source, target = read_test_pair(tmp_path / "pairs", "kitti", 2)
+    assert source.dtype == target.dtype == np.float64
+    np.testing.assert_array_equal(source, test.source[2].numpy())
+    np.testing.assert_array_equal(target, test.target[2].numpy())
+
+
+def test_refuses_a_pair_the_file_does_not_hold(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("kitti",), 2)
+    with pytest.raises(ValueError, match="needs a test pair 2, it has 2"):
+        read_test_pair(tmp_path / "pairs", "kitti", 2)
+
+
+def test_the_columns_are_those_the_evaluate_stage_writes() -> None:
+    assert tuple(ANSWER) == COLUMNS
