@@ -31,6 +31,8 @@ class Budget:
     """Epochs without a better loss before the plateau schedule halves."""
     validate_every: int
     """Epochs between looks at the validation pairs; the last epoch is always looked at."""
+    epoch_pairs: int | None = None
+    """Training pairs in an epoch, drawn anew for each; None takes all of them."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,12 @@ class Trainer:
     @property
     def steps_per_epoch(self) -> int:
         """Batches in an epoch; the last one may be smaller."""
-        return math.ceil(len(self.train) / self.budget.batch_size)
+        return math.ceil(self.pairs_per_epoch / self.budget.batch_size)
+
+    @property
+    def pairs_per_epoch(self) -> int:
+        """Training pairs seen in an epoch."""
+        return min(self.budget.epoch_pairs or len(self.train), len(self.train))
 
     def learning_rate(self, epoch: int, batch: int) -> float:
         """The rate of one step."""
@@ -113,7 +120,7 @@ class Trainer:
         return peak * min(share / WARM_UP + FLOOR, 1.0) * falling
 
     def run_epoch(self, epoch: int) -> None:
-        """Step over all training pairs once, validate if due, keep the weights if best."""
+        """Step over the epoch's pairs once, validate if due, keep the weights if best."""
         generator = torch.Generator().manual_seed(_seed(self.seed, epoch))
         sums: dict[str, float] = {}
         for batch, pairs in enumerate(self._batches(epoch)):
@@ -127,12 +134,13 @@ class Trainer:
             torch.nn.utils.clip_grad_norm_(self.method.parameters(), 10.0, error_if_nonfinite=True)
             self.optimizer.step()
             for name, value in {"loss": total, **terms}.items():
-                sums[name] = sums.get(name, 0.0) + value.item() * len(pairs) / len(self.train)
+                sums[name] = sums.get(name, 0.0) + value.item() * len(pairs) / self.pairs_per_epoch
         self._close(epoch, rate, sums)
 
     def _batches(self, epoch: int) -> Iterator[Pairs]:
         order = np.random.default_rng([self.seed, epoch]).permutation(len(self.train))
-        for chosen in torch.split(torch.from_numpy(order), self.budget.batch_size):
+        drawn = torch.from_numpy(order[: self.pairs_per_epoch])
+        for chosen in torch.split(drawn, self.budget.batch_size):
             pairs = self.train.select(chosen)
             yield (
                 pairs

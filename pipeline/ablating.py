@@ -3,20 +3,24 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from pcrdiff.data.corruption import jitter
+from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.evaluation import Estimates
-from pcrdiff.registration import Method, Pairs
+from pcrdiff.registration import Pairs
 from pipeline.artifacts import read_pairs
 from pipeline.evaluating import answer, load_learned, load_settings
 from pipeline.params import Diffusion, Params, learned_names
 from pipeline.seeding import stream
 from pipeline.variants import TRAINED, setting_of, variants, weights_of
+from pipeline.walking import load_diffused
 
 Answers = Mapping[str, Mapping[str, Estimates]]
 """By method, then by the varied value."""
@@ -31,10 +35,29 @@ class Given:
     models: Path
     """The folder with the weights of the methods, or of their variants."""
 
-    def trained(self, name: str, diffusion: Diffusion) -> Method:
-        """A method with the walk it is told of."""
-        weights = self.models / f"{name}.safetensors"
-        return load_learned(name, "paper", self.params.methods, diffusion, weights)
+    def answer_walks(
+        self, name: str, test: Pairs, walks: Mapping[str, tuple[Diffusion, int]]
+    ) -> dict[str, Estimates]:
+        """The answers of one training by setting: under several walks, each with its draw.
+
+        A pair of clouds is encoded once for all of them.
+        """
+        weights, (walk, _) = self.models / f"{name}.safetensors", next(iter(walks.values()))
+        method = load_diffused(name, self.params.methods, walk, weights)
+        encode, encoded = method.encode, dict[tuple[int, int], Any]()
+
+        def encode_once(source: Tensor, target: Tensor) -> Any:  # noqa: ANN401  the method's own
+            key = source.data_ptr(), target.data_ptr()
+            if key not in encoded:
+                encoded[key] = encode(source, target)
+            return encoded[key]
+
+        answers = {}
+        method.encode = encode_once  # type: ignore[method-assign]
+        for setting, (walk, draw) in walks.items():
+            method.walk = Walk(**walk.model_dump())
+            answers[setting] = answer(self.params, method, test, draw)
+        return answers
 
 
 def ablate_variants(name: str, given: Given) -> tuple[Pairs, Answers]:
@@ -50,31 +73,27 @@ def ablate_variants(name: str, given: Given) -> tuple[Pairs, Answers]:
 
 def ablate_steps(given: Given) -> tuple[Pairs, Answers]:
     """Table 7: the steps of the walk back of one training, each walk drawn several times."""
-    params, test = given.params, read_pairs(given.pairs, "test")
-    answers: dict[str, dict[str, Estimates]] = {name: {} for name in params.ablation.methods}
-    for name, found in answers.items():
-        for sampler in params.ablation.sampling.samplers:
-            for steps in params.ablation.steps:
-                walk = {"steps": steps, "sampler": sampler, "hypotheses": 1}
-                trained = given.trained(name, params.diffusion.model_copy(update=walk))
-                for draw in range(params.ablation.sampling.draws):
-                    again = f",draw={draw}" if draw else ""
-                    setting = f"steps={steps},sampler={sampler}{again}"
-                    found[setting] = answer(params, trained, test, draw)
-    return test, answers
+    ablation, diffusion = given.params.ablation, given.params.diffusion
+    test = read_pairs(given.pairs, "test")
+    walks = {}
+    for sampler, steps in product(ablation.sampling.samplers, ablation.steps):
+        told = {"steps": steps, "sampler": sampler, "hypotheses": 1}
+        for draw in range(ablation.sampling.draws):
+            again = f",draw={draw}" if draw else ""
+            walk = diffusion.model_copy(update=told)
+            walks[f"steps={steps},sampler={sampler}{again}"] = walk, draw
+    return test, {name: given.answer_walks(name, test, walks) for name in ablation.methods}
 
 
 def ablate_hypotheses(given: Given) -> tuple[Pairs, Answers]:
     """Beyond the paper: the best fitting of several walks, chosen without the truth."""
-    params, test = given.params, read_pairs(given.pairs, "test")
+    ablation, diffusion = given.params.ablation, given.params.diffusion
+    test = read_pairs(given.pairs, "test")
     walks = {
-        f"hypotheses={count}": params.diffusion.model_copy(update={"hypotheses": count})
-        for count in params.ablation.hypotheses
+        f"hypotheses={count}": (diffusion.model_copy(update={"hypotheses": count}), 0)
+        for count in ablation.hypotheses
     }
-    return test, {
-        name: {s: answer(params, given.trained(name, walk), test) for s, walk in walks.items()}
-        for name in params.ablation.methods
-    }
+    return test, {name: given.answer_walks(name, test, walks) for name in ablation.methods}
 
 
 def ablate_noise(given: Given) -> tuple[Pairs, Answers]:

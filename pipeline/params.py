@@ -138,6 +138,8 @@ class Optimisation(Section):
     schedule: Literal["plateau", "cosine"]
     patience: Count
     validate_every: Count
+    epoch_pairs: Count | None
+    """Training pairs in an epoch, drawn anew for each; null takes all of them."""
 
 
 class Train(Section):

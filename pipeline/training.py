@@ -112,6 +112,7 @@ def train_method(
         "steps": curve[-1].step,
         "batch_size": budget.batch_size,
         "train_pairs": len(data),
+        "epoch_pairs": trainer.pairs_per_epoch,
         "parameters": sum(p.numel() for p in network.parameters()),
         "best_epoch": trainer.best_epoch,
         "val_error_r_deg": _or_none(trainer.best_error),

@@ -10,9 +10,12 @@ from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pipeline.artifacts import read_pairs
 from pipeline.evaluating import load_learned
-from pipeline.params import Params
+from pipeline.method_params import Methods
+from pipeline.params import Diffusion, Params
 from pipeline.seeding import stream
 from pipeline.walks import Walk
+
+Diffused = PCRDiffusionCF | PCRDiffusionCB
 
 
 def follow_walks(params: Params, method: str, pairs: Path, weights: Path) -> list[Walk]:
@@ -24,9 +27,7 @@ def follow_walks(params: Params, method: str, pairs: Path, weights: Path) -> lis
     shown = params.ablation.walk
     steps = {"steps": shown.steps, "hypotheses": 1}
     diffusion = params.diffusion.model_copy(update=steps)
-    trained = load_learned(method, "paper", params.methods, diffusion, weights)
-    if not isinstance(trained, PCRDiffusionCF | PCRDiffusionCB):
-        raise ValueError(f"{method} does not walk back from noise")
+    trained = load_diffused(method, params.methods, diffusion, weights)
     test = read_pairs(pairs, "test")
     chosen = torch.linspace(0, len(test) - 1, min(shown.pairs, len(test))).round().long().tolist()
     walks = []
@@ -38,9 +39,22 @@ def follow_walks(params: Params, method: str, pairs: Path, weights: Path) -> lis
     return walks
 
 
+def load_diffused(name: str, methods: Methods, diffusion: Diffusion, weights: Path) -> Diffused:
+    """A trained method that walks back from noise.
+
+    Raises:
+        FileNotFoundError, ValueError: The weights are not there, or are those of another network,
+            or the method does not walk.
+    """
+    method = load_learned(name, "paper", methods, diffusion, weights)
+    if not isinstance(method, Diffused):
+        raise ValueError(f"{name} does not walk back from noise")
+    return method
+
+
 @torch.no_grad()
 def follow(
-    method: PCRDiffusionCF | PCRDiffusionCB, source: Tensor, target: Tensor, *, seed: int
+    method: Diffused, source: Tensor, target: Tensor, *, seed: int
 ) -> tuple[tuple[int, ...], Tensor, Tensor]:
     """Walk one pair back as ``register`` does, and keep what it passes.
 
