@@ -2,8 +2,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
+export PLAYWRIGHT_BROWSERS_PATH ?= $(CURDIR)/.venv/browsers
 
-.PHONY: setup repro test check ui real clean lock
+.PHONY: setup repro browser test check ui real clean lock
 
 setup: .venv/ready
 
@@ -17,12 +18,17 @@ setup: .venv/ready
 	touch $@
 
 repro: setup  ## the main job: raw clouds to report, on embedded data
-	$(BIN)/dvc repro
+	$(BIN)/pcrdiff repro
 	@echo
 	@echo "report:    $(CURDIR)/reports/index.html   (tables: reports/results.md)"
 	@echo "MLflow UI: make ui   (then http://127.0.0.1:5000)"
 
-test: setup  ## the whole suite; tests on real data run where it is found
+browser: setup  # for the tests that look at pages; without one they are skipped, and say why
+	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
+	  timeout 300 $(BIN)/playwright install --only-shell chromium >.venv/browser.log 2>&1 || \
+	  echo "no browser could be installed, see .venv/browser.log: tests that need one are skipped"
+
+test: browser  ## the whole suite; tests on real data run where it is found
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: setup  ## format, lint, types, layers
