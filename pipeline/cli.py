@@ -64,17 +64,15 @@ def run_pipeline(
 ) -> None:
     """Run what `dvc repro` would run, independent stages at the same time."""
     from pipeline.parallel import Finished, repro, timings
-    from pipeline.params import read_params
 
     root = _root()
     os.chdir(root)
-    fit = max(1, (os.cpu_count() or 1) // read_params().threads)
 
     def tell(ended: Finished) -> None:
         typer.echo(f"{ended.seconds:7.1f} s  {ended.stage}")
 
     started = time.monotonic()
-    finished = repro(root, targets or [], jobs=jobs or fit, tell=tell)
+    finished = repro(root, targets or [], jobs=jobs or _fitting_jobs(), tell=tell)
     for line in timings(finished):
         typer.echo(line)
     typer.echo(f"{len(finished)} stages in {time.monotonic() - started:.0f} s")
@@ -167,6 +165,13 @@ def become_module(*words: str) -> NoReturn:
     sys.stdout.flush()
     command = [sys.executable, "-m", *words]
     os.execve(sys.executable, command, {**os.environ, "PATH": path})
+
+
+def _fitting_jobs() -> int:
+    """Return how many stages the cores have room for."""
+    from pipeline.params import read_params
+
+    return max(1, (os.cpu_count() or 1) // read_params().threads)
 
 
 def _root() -> Path:

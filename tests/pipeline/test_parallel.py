@@ -1,5 +1,6 @@
 """Several stages at once do what `dvc repro` does."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -19,7 +20,7 @@ stages:
     foreach: [a, b, c]
     do:
       cmd: >-
-        date +%s.%N > ../times/use-${item}.start; sleep 0.5; cp made used-${item};
+        date +%s.%N > ../times/use-${item}.start; sleep 1.5; cp made used-${item};
         date +%s.%N > ../times/use-${item}.end
       deps: [made]
       outs: ["used-${item}"]
@@ -41,27 +42,44 @@ def run(folder: Path, *words: str) -> str:
     return done.stdout
 
 
+def lay_out(folder: Path) -> Path:
+    """Write a project in which nothing has run."""
+    project = folder / "project"
+    project.mkdir()
+    (folder / "times").mkdir()
+    run(project, "git", "init", "--quiet")
+    run(project, sys.executable, "-m", "dvc", "init", "--quiet")
+    (project / "dvc.yaml").write_text(DVC_YAML)
+    (project / "params.yaml").write_text("count: 1\n")
+    return project
+
+
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    folder = tmp_path / "project"
-    folder.mkdir()
-    (tmp_path / "times").mkdir()
-    run(folder, "git", "init", "--quiet")
-    run(folder, sys.executable, "-m", "dvc", "init", "--quiet")
-    (folder / "dvc.yaml").write_text(DVC_YAML)
-    (folder / "params.yaml").write_text("count: 1\n")
-    return folder
+    return lay_out(tmp_path)
 
 
-def go(project: Path, *targets: str, jobs: int = 2) -> list[str]:
-    """Run in a process of its own, as the command does; give the stages it ran."""
-    code = (
-        "import sys; from pathlib import Path; from pipeline.parallel import repro\n"
-        f"for e in repro(Path.cwd(), sys.argv[1:], jobs={jobs}, tell=lambda e: None): print(e.stage)"
-    )
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A project in which all has run, two stages at a time, and what was printed."""
+    project = lay_out(tmp_path_factory.mktemp("finished"))
+    return project, command(project, "-j", "2")
+
+
+def command(project: Path, *words: str) -> str:
+    """Run `pcrdiff repro` as a user does; give what it prints."""
     here = Path(__file__).parents[2]
-    words = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(here)!r})\n{code}"]
-    return run(project, *words, *targets).split()
+    start = f"import sys; sys.path.insert(0, {str(here)!r}); from pipeline.cli import app; app()"
+    return run(project, sys.executable, "-c", start, "repro", *words)
+
+
+def go(project: Path, *targets: str) -> list[str]:
+    """Run two stages at a time; give those that were run, in the order in which they ended."""
+    return stages(command(project, "-j", "2", *targets))
+
+
+def stages(printed: str) -> list[str]:
+    return re.findall(r"^ +[\d.]+ s  (\S+)$", printed, re.MULTILINE)
 
 
 def times(project: Path, name: str) -> tuple[float, float]:
@@ -74,34 +92,42 @@ def overlap(a: tuple[float, float], b: tuple[float, float]) -> bool:
     return a[0] < b[1] and b[0] < a[1]
 
 
-def test_everything_runs_once_and_dvc_finds_nothing_left_to_do(project: Path) -> None:
-    ran = go(project)
+def test_everything_runs_once_and_dvc_finds_nothing_left_to_do(finished: tuple[Path, str]) -> None:
+    project, printed = finished
+    ran = stages(printed)
     assert ran[0] == "make"
     assert ran[-1] == "all"
     assert sorted(ran) == ["all", "make", "quiet", "use@a", "use@b", "use@c"]
     assert "up to date" in run(project, sys.executable, "-m", "dvc", "status")
-    assert go(project) == []
 
 
-def test_independent_stages_overlap_and_one_that_is_alone_does_not(project: Path) -> None:
-    go(project)
+def test_what_each_group_took_is_told_at_the_end(finished: tuple[Path, str]) -> None:
+    lines = finished[1].splitlines()
+    groups = [line.split()[:2] for line in lines[-5:-1]]
+    assert sorted(groups) == [["all", "1"], ["make", "1"], ["quiet", "1"], ["use", "3"]]
+    assert re.fullmatch(r"6 stages in \d+ s", lines[-1])
+
+
+def test_independent_stages_overlap_and_one_that_is_alone_does_not(
+    finished: tuple[Path, str],
+) -> None:
+    project, _ = finished
     used = [times(project, f"use-{name}") for name in "abc"]
     assert any(overlap(one, other) for one in used for other in used if one is not other)
     assert not any(overlap(times(project, "quiet"), one) for one in used)
 
 
-def test_the_lock_is_the_one_dvc_writes_whoever_ended_first(project: Path) -> None:
-    go(project)
+def test_the_last_stage_finds_the_others_in_the_lock(finished: tuple[Path, str]) -> None:
+    seen = (finished[0].parent / "lock-seen").read_text()
+    assert all(f"{name}:" in seen for name in ("make", "use@a", "use@b", "use@c", "quiet"))
+
+
+def test_the_lock_is_the_one_dvc_writes_whoever_ended_first(finished: tuple[Path, str]) -> None:
+    project, _ = finished
     ours = (project / "dvc.lock").read_text()
     (project / "dvc.lock").unlink()
-    run(project, sys.executable, "-m", "dvc", "repro", "--quiet", "--force")
+    run(project, sys.executable, "-m", "dvc", "commit", "--force", "--quiet")
     assert (project / "dvc.lock").read_text() == ours
-
-
-def test_the_last_stage_finds_the_others_in_the_lock(project: Path) -> None:
-    go(project)
-    seen = (project.parent / "lock-seen").read_text()
-    assert all(f"{name}:" in seen for name in ("make", "use@a", "use@b", "use@c", "quiet"))
 
 
 def test_a_target_runs_with_what_it_needs_alone(project: Path) -> None:
@@ -110,7 +136,8 @@ def test_a_target_runs_with_what_it_needs_alone(project: Path) -> None:
 
 
 def test_what_was_run_before_comes_from_dvcs_cache(project: Path) -> None:
-    go(project)
+    assert len(go(project)) == 6
+    assert go(project) == []
     before = times(project, "quiet")
     (project / "params.yaml").write_text("count: 2\n")
     go(project)
