@@ -301,12 +301,14 @@ def describe_budget(training: Training) -> str:
         "steps": "{:,} steps",
         "batch_size": "batches of {:,}",
         "train_pairs": "{:,} pairs",
+        "epoch_pairs": "{:,} of them an epoch",
         "parameters": "{:,} parameters",
         "best_epoch": "best epoch {:,}",
     }
-    said = [
-        text.format(training.budget[key]) for key, text in words.items() if key in training.budget
-    ]
+    budget = dict(training.budget)
+    if budget.get("epoch_pairs") == budget.get("train_pairs"):
+        budget.pop("epoch_pairs", None)
+    said = [text.format(budget[key]) for key, text in words.items() if key in budget]
     return ", ".join(said) or "budget not recorded"
 
 

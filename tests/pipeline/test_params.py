@@ -88,9 +88,29 @@ WRONG: dict[str, tuple[Change, str]] = {
     "a training under another's name": (
         lambda p: p["trainings"].update(mine=p["trainings"]["kitti-pcrdiffusion_cf"]),
         "trainings.mine needs the key 'kitti-pcrdiffusion_cf'"),
+    "an ablation of what does not diffuse": (
+        lambda p: p["ablation"]["methods"].append("dcp_v2"),
+        "ablation.methods needs some of ['pcrdiffusion_cf', 'pcrdiffusion_cb'], got 'dcp_v2'"),
     "an ablation of what is not trained": (
-        lambda p: p["ablation"]["methods"].append("dcp"),
-        "ablation.methods has 'dcp', which trainings has not"),
+        lambda p: p["trainings"].pop("modelnet40-unseen_objects-pcrdiffusion_cb"),
+        "ablation.methods needs 'modelnet40-unseen_objects-pcrdiffusion_cb', which trainings has"),
+    "noise on what is not trained": (
+        lambda p: p["ablation"]["noise"]["methods"].append("egst"),
+        "ablation.noise.methods needs 'modelnet40-gaussian_noise-egst', which trainings has not"),
+    "an ablation over nothing": (lambda p: p["ablation"].update(representations=[]),
+        "ablation.representations: List should have at least 1 item"),
+    "an unknown representation": (
+        lambda p: p["ablation"].update(representations=["quaternion", "axis"]),
+        "ablation.representations.1: Input should be 'quaternion', 'euler', 'rotation_6d', "),
+    "answers that do not hang on the walk": (
+        lambda p: p["trainings"]["kitti-pcrdiffusion_cf"].update(answers="seed"),
+        "trainings.kitti-pcrdiffusion_cf.answers needs 'diffusion', got 'seed'"),
+    "times that hang on the walk": (
+        lambda p: p["timing"]["learned"]["fmr"].update(answers="diffusion"),
+        "timing.learned.fmr.answers needs 'methods.fmr.settings', got 'diffusion'"),
+    "a fusion that is none": (
+        lambda p: p["methods"]["pcrdiffusion_cf"]["network"].update(fusion="sum"),
+        "methods.pcrdiffusion_cf.network.fusion: Input should be 'source', 'target' or 'concat'"),
     "an ablation of nothing": (lambda p: p["ablation"].update(scenario="waymo"),
         "ablation.scenario 'waymo' is not in scenarios"),
     "an unknown setting": (lambda p: p["methods"]["icp"].update(mine=p["methods"]["icp"]["paper"]),
