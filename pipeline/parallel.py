@@ -115,6 +115,17 @@ def wanted_graph(graph: Any, targets: Sequence[str]) -> Any:  # noqa: ANN401  ne
     return graph.subgraph(wanted.union(*(nx.descendants(graph, stage) for stage in wanted)))
 
 
+def by_urgency(graph: Any) -> list[Any]:  # noqa: ANN401  networkx ships no types
+    """What most stages wait for comes first, of equals what needs most itself.
+
+    So trainings go before evaluations, and the many small evaluations fill the end.
+    """
+    stages = list(nx.dfs_postorder_nodes(graph))
+    waiting = {stage: len(nx.ancestors(graph, stage)) for stage in stages}
+    needed = {stage: len(nx.descendants(graph, stage)) for stage in stages}
+    return sorted(stages, key=lambda stage: (-waiting[stage], -needed[stage]))
+
+
 class LockFile:
     """dvc.lock, written now and then instead of after every stage."""
 
@@ -152,7 +163,7 @@ class Launcher:
 
     def __init__(self, repo: Any, graph: Any, lock: LockFile, logs: Path) -> None:  # noqa: ANN401
         self.repo, self.graph, self.lock, self.logs = repo, graph, lock, logs
-        self.pending = list(nx.dfs_postorder_nodes(graph))
+        self.pending = by_urgency(graph)
         self.ended: set[Any] = set()
         self.running: list[Running] = []
         self.failure = ""

@@ -5,9 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import networkx as nx
 import pytest
 
-from pipeline.parallel import Finished, repro, timings
+from pipeline.parallel import Finished, by_urgency, repro, timings
 
 pytestmark = pytest.mark.slow
 DVC_YAML = """\
@@ -175,3 +176,15 @@ def test_the_table_has_a_line_a_group_and_names_its_longest() -> None:
         ["b", "1", "0.5", "0.1", "0.5"],
     ]
     assert timings([]) == []
+
+
+def test_what_others_wait_for_goes_first_and_small_ends_last() -> None:
+    needs = nx.DiGraph()  # from a stage to those it needs
+    edges = ["train-a data", "train-b data", "ask-a train-a", "ask-b train-b", "report ask-a"]
+    more = ["compare train-a", "compare train-b", "report ask-b", "report compare"]
+    needs.add_edges_from(tuple(edge.split()) for edge in [*edges, *more])
+    order = by_urgency(needs)
+    assert order[0] == "data"
+    assert set(order[1:3]) == {"train-a", "train-b"}
+    assert order[3] == "compare"
+    assert order[-1] == "report"
