@@ -73,16 +73,24 @@ def ablate_variants(name: str, given: Given) -> tuple[Pairs, Answers]:
 
 def ablate_steps(given: Given) -> tuple[Pairs, Answers]:
     """Table 7: the steps of the walk back of one training, each walk drawn several times."""
-    ablation, diffusion = given.params.ablation, given.params.diffusion
-    test = read_pairs(given.pairs, "test")
+    ablation, test = given.params.ablation, read_pairs(given.pairs, "test")
+    return test, {
+        name: given.answer_walks(name, test, walks_of(given.params, ablation.sampling.draws[name]))
+        for name in ablation.methods
+    }
+
+
+def walks_of(params: Params, draws: int) -> dict[str, tuple[Diffusion, int]]:
+    """Every walk of Table 7 by its setting, and the number of its draw."""
+    sampling = params.ablation.sampling
     walks = {}
-    for sampler, steps in product(ablation.sampling.samplers, ablation.steps):
+    for sampler, steps in product(sampling.samplers, params.ablation.steps):
         told = {"steps": steps, "sampler": sampler, "hypotheses": 1}
-        for draw in range(ablation.sampling.draws):
+        walk = params.diffusion.model_copy(update=told)
+        for draw in range(draws):
             again = f",draw={draw}" if draw else ""
-            walk = diffusion.model_copy(update=told)
             walks[f"steps={steps},sampler={sampler}{again}"] = walk, draw
-    return test, {name: given.answer_walks(name, test, walks) for name in ablation.methods}
+    return walks
 
 
 def ablate_hypotheses(given: Given) -> tuple[Pairs, Answers]:

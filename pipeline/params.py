@@ -177,8 +177,8 @@ class Sampling(Section):
     """Of the ablation over steps."""
 
     samplers: Listed[Sampler]
-    draws: Count
-    """How many times each walk is drawn anew, so that the spread is seen."""
+    draws: dict[str, Count]
+    """How many times each walk of a method is drawn anew, so that the spread is seen."""
 
 
 class Noise(Section):
@@ -264,14 +264,25 @@ class Params(Section):
         for where, scenario in self._scenarios_named().items():
             if scenario not in self.scenarios:
                 raise ValueError(f"{where} {scenario!r} is not in scenarios")
-        for method in self.ablation.methods:
-            if method not in DIFFUSED:
-                raise ValueError(f"ablation.methods needs some of {list(DIFFUSED)}, got {method!r}")
+        self._check_ablated_methods()
         for where, training in self._trainings_named():
             if training not in self.trainings:
                 raise ValueError(f"{where} needs {training!r}, which trainings has not")
         for where, method, answers in self._answers_named():
             _check_answers(where, method, answers)
+
+    def _check_ablated_methods(self) -> None:
+        for method in self.ablation.methods:
+            if method not in DIFFUSED:
+                raise ValueError(f"ablation.methods needs some of {list(DIFFUSED)}, got {method!r}")
+            for name, given in self._told_by_method().items():
+                if method not in given:
+                    raise ValueError(f"{name} needs a number for {method}, has {sorted(given)}")
+
+    def _told_by_method(self) -> dict[str, dict[str, Count]]:
+        """What an ablation says of each of its methods."""
+        draws = self.ablation.sampling.draws
+        return {"ablation.epochs": self.ablation.epochs, "ablation.sampling.draws": draws}
 
     def _scenarios_named(self) -> dict[str, str]:
         """Where a section names a scenario, and which."""

@@ -49,7 +49,7 @@ def tiny_params() -> dict[str, Any]:
         "epochs": {CF: 2, CB: 2},
         "representations": ["quaternion", "twist"],
         "steps": [1, 2],
-        "sampling": {"samplers": ["ddpm", "ddim"], "draws": 2},
+        "sampling": {"samplers": ["ddpm", "ddim"], "draws": {CF: 2, CB: 1}},
         "hypotheses": [1, 2],
         "walk": {"steps": 3, "pairs": 2},
     }

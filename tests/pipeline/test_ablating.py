@@ -47,8 +47,9 @@ def models_of(name: str) -> Path:
 def test_each_method_answers_all_pairs_under_each_value(project: Path, name: str) -> None:
     test, answers = ABLATIONS[name](given(project, models_of(name)))
     assert list(answers) == METHODS.get(name, [CF, CB])
-    for settings in answers.values():
-        assert list(settings) == SETTINGS[name]
+    for method, settings in answers.items():
+        drawn_once = (name, method) == ("steps", CB)
+        assert list(settings) == [s for s in SETTINGS[name] if not (drawn_once and "draw" in s)]
         assert all(len(found.failures) == len(test) for found in settings.values())
 
 

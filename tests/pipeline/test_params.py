@@ -94,6 +94,8 @@ WRONG: dict[str, tuple[Change, str]] = {
     "an ablation of what is not trained": (
         lambda p: p["trainings"].pop("modelnet40-unseen_objects-pcrdiffusion_cb"),
         "ablation.methods needs 'modelnet40-unseen_objects-pcrdiffusion_cb', which trainings has"),
+    "no number of draws": (lambda p: p["ablation"]["sampling"]["draws"].pop("pcrdiffusion_cb"),
+        "ablation.sampling.draws needs a number for pcrdiffusion_cb, has ['pcrdiffusion_cf']"),
     "noise on what is not trained": (
         lambda p: p["ablation"]["noise"]["methods"].append("egst"),
         "ablation.noise.methods needs 'modelnet40-gaussian_noise-egst', which trainings has not"),
