@@ -23,7 +23,7 @@ class Cost:
 
     seconds: float
     peak_memory_mib: float
-    """Resident memory of the process at its highest, above that before the first pair."""
+    """Resident memory of the process at its highest, above that before its first registration."""
 
 
 def time_method(
@@ -38,21 +38,20 @@ def time_method(
     test, wanted = read_pairs(pairs, "test"), params.timing.pairs
     if wanted > len(test):
         raise ValueError(f"timing.pairs needs at most the {len(test)} test pairs, got {wanted}")
-    first = test.select(torch.arange(wanted))
+    first, before = test.select(torch.arange(wanted)), resident("VmRSS")
     return {
-        setting: time_pairs(method, first, params.timing.warm_up)
+        setting: time_pairs(method, first, params.timing.warm_up, before)
         for setting, method in settings.items()
     }
 
 
-def time_pairs(method: Method, test: Pairs, warm_up: int) -> list[Cost]:
+def time_pairs(method: Method, test: Pairs, warm_up: int, before: float) -> list[Cost]:
     """Time every pair by itself after ``warm_up`` registrations of the first.
 
-    Memory is counted from before those: what a method allocates once belongs to it. A pair that
-    the method fails on is timed all the same.
+    Memory is counted from ``before``, in MiB: what a method allocates once, in whichever of its
+    settings came first, belongs to it. A pair that the method fails on is timed all the same.
     """
     clouds = test.clouds(getattr(method, "normals", "estimated"))
-    before = resident("VmRSS")
     costs = []
     for k in [*([0] * warm_up), *range(len(test))]:
         forget_peak()

@@ -175,7 +175,7 @@ def errors_figure(rows: Sequence[Row], scenario: str, metric: str, label: str) -
             showlegend=False,
             xaxis=axis(label, type="log", range=extent, dtick=1),
             yaxis=category_axis([shown(method).name for method in methods]),
-            shapes=_constant_line(here, start),
+            shapes=constant_line(here, start),
             meta=whose_lines(methods),
         ),
     }
@@ -208,11 +208,12 @@ def _printed(rows: Sequence[Row]) -> list[Figure]:
 PAPER_MARKER = {"color": INK, "size": 9, "symbol": "diamond-open", "line": {"width": 1.5}}
 
 
-def _constant_line(rows: Sequence[Row], start: float) -> list[Figure]:
+def constant_line(rows: Iterable[Row], start: float, x: str = "x") -> list[Figure]:
+    """Draw where the constant pose stands on the axis ``x``, if it is among the rows."""
     at = [max(row.value, start) for row in rows if row.method == "constant"]
-    where = {"xref": "x", "yref": "paper", "y0": 0, "y1": 1, "layer": "below"}
+    where = {"xref": x, "yref": "paper", "y0": 0, "y1": 1, "layer": "below"}
     line = {"color": GREY, "width": 1, "dash": "dot"}
-    return [{"type": "line", "x0": x, "x1": x, "line": line, **where} for x in at]
+    return [{"type": "line", "x0": value, "x1": value, "line": line, **where} for value in at]
 
 
 def distribution_figure(scores: Iterable[Scores], scenario: str, unit: str) -> Figure:

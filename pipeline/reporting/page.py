@@ -22,6 +22,7 @@ from pipeline.reporting.findings import RULE, Finding
 from pipeline.reporting.overlays import KnownPair, Overlay
 from pipeline.reporting.paper import (
     ABLATIONS,
+    FLOORS,
     UNSEEN_OBJECTS,
     method_rank,
     place,
@@ -176,9 +177,15 @@ def _study_figures(contents: Contents) -> dict[str, Figure]:
     rows, figures = contents.rows, {}
     here = [row for row in rows if row.scenario == UNSEEN_OBJECTS]
     unit = contents.facts[UNSEEN_OBJECTS].unit if here else ""
+    floors = [
+        row
+        for metric in ("error_r_deg", "error_t")
+        for row in main_rows(here, metric).values()
+        if row.method in FLOORS
+    ]
     for table in ABLATED:
         if chosen := ablation_rows(here, table):
-            figures[f"plot-ablation-{table}"] = ablation_figure(chosen, unit)
+            figures[f"plot-ablation-{table}"] = ablation_figure(chosen, unit, floors)
     if steps := [row for row in here if row.table == "7"]:
         figures["plot-steps"] = steps_figure(steps, unit)
     timed = [row for row in here if row.table == "6"]

@@ -17,6 +17,7 @@ from pipeline.reporting.figures import (
     axis_names,
     axis_start,
     category_axis,
+    constant_line,
     hover,
     interval,
     layout,
@@ -72,8 +73,15 @@ def ablation_rows(rows: Iterable[Row], table: str) -> list[Row]:
     )
 
 
-def ablation_figure(rows: Sequence[Row], unit: str) -> Figure:
-    """Draw settings against error: rotation at the left, translation at the right."""
+def ablation_figure(rows: Sequence[Row], unit: str, floors: Iterable[Row] = ()) -> Figure:
+    """Draw settings against error: rotation at the left, translation at the right.
+
+    Args:
+        rows: Those of one ablation.
+        unit: Its unit of length.
+        floors: Rows of its scenario; the constant pose among them is a dotted line.
+    """
+    constant = [row for row in floors if row.method == "constant"]
     lines = list(dict.fromkeys((row.method, row.setting) for row in rows))
     names = [ablated_name(*line) for line in lines]
     figure: Figure = {"data": [], "layout": layout(LINE_HEIGHT * len(names) + 120)}
@@ -91,6 +99,8 @@ def ablation_figure(rows: Sequence[Row], unit: str) -> Figure:
         )
         for trace in _ablation_traces(chosen, start):
             figure["data"].append({**trace, "xaxis": x, "yaxis": y, "showlegend": index == 0})
+        at = [row for row in constant if row.metric == metric]
+        figure["layout"].setdefault("shapes", []).extend(constant_line(at, start, x))
     return figure
 
 

@@ -301,3 +301,13 @@ def test_no_two_methods_look_alike() -> None:
         (style["line"]["color"], style["marker"]["symbol"]) for style in map(method_style, METHODS)
     }
     assert len(looks) == len(METHODS)
+
+
+def test_the_constant_pose_is_a_line_across_an_ablation(inputs: Inputs) -> None:
+    rows = inputs[0]
+    floors = [r for r in rows if (r.table, r.subset, r.setting) == ("1a", "all", "paper")]
+    figure = ablation_figure(ablation_rows(study_rows(), "4"), "m", floors)
+    values = {r.metric: r.value for r in floors if r.method == "constant"}
+    drawn = {shape["xref"]: shape["x0"] for shape in figure["layout"]["shapes"]}
+    assert drawn == {"x": values["error_r_deg"], "x2": values["error_t"]}
+    assert not ablation_figure(ablation_rows(study_rows(), "4"), "m")["layout"]["shapes"]
