@@ -10,7 +10,9 @@ setup: .venv/ready
 
 .venv/ready: requirements/lock.txt pyproject.toml
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -r requirements/lock.txt
+	@# On all cores, which pip does not use; what is no Python of this version fails, and is not needed.
+	@$(BIN)/python -m compileall -qq -j 0 .venv/lib || true
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@# DVC's experiments are commits; where git knows nobody, this clone gets a name of its own.
 	@git config user.name >/dev/null || git config --local user.name pcrdiff

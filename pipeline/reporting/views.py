@@ -309,6 +309,7 @@ def describe_budget(training: Training) -> str:
     if budget.get("epoch_pairs") == budget.get("train_pairs"):
         budget.pop("epoch_pairs", None)
     said = [text.format(budget[key]) for key, text in words.items() if key in budget]
+    said = [text.removesuffix("s") if text.startswith("1 ") else text for text in said]
     return ", ".join(said) or "budget not recorded"
 
 
