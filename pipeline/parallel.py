@@ -29,7 +29,7 @@ from pipeline.artifacts import write_atomically
 from pipeline.invocation import VARIABLE, process_identity
 from pipeline.planning import named, stage_name
 
-LOCK_EVERY = 120.0  # seconds between two writes of dvc.lock
+LOCK_EVERY = 600.0  # seconds between two writes of dvc.lock, each of which takes some itself
 LAST_LINES = 15  # of a failed stage's output that are shown
 ALONE = "alone"
 """A stage with ``meta: {alone: true}`` runs while no other does: it measures time."""
