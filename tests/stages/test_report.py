@@ -12,13 +12,14 @@ from stages.report import main
 from tests.pipeline.reporting.made_up_results import make_report_inputs, write_everything
 
 SCENARIOS = ("modelnet40-unseen_objects", "kitti")
+PICTURES = ["ablations", "accuracy_time", "curves", "difficulty", "distributions", "errors"]
+PICTURES += ["overlays", "panels_kitti", "panels_modelnet40", "steps"]
 FILES = [
-    "figures/curves.png",
-    "figures/errors.png",
-    "figures/overlays.png",
+    *(f"figures/{name}.png" for name in PICTURES),
     "index.html",
     "results.csv",
     "results.md",
+    "results.tex",
     "summary.json",
 ]
 

@@ -305,6 +305,7 @@ def make_report_inputs(folder: Path) -> list[str]:
         "pairs": folder / "pairs",
         "table": reports / "results.csv",
         "markdown": reports / "results.md",
+        "latex": reports / "results.tex",
         "page": reports / "index.html",
         "figures": reports / "figures",
         "summary": reports / "summary.json",
