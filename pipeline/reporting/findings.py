@@ -232,16 +232,32 @@ def _full_overlap(numbers: Numbers) -> Finding:
 
 def _ablated(
     numbers: Numbers, table: str, method: str, settings: tuple[str, str]
-) -> tuple[Row | None, tuple[str, ...]]:
-    """Give the contrast of two settings, and the sentences that say it."""
+) -> tuple[Row | None, tuple[str, ...], bool]:
+    """Give the contrast of two settings, the sentences that say it, and whether either learnt.
+
+    What does not beat the mean training pose has learnt nothing that could differ.
+    """
     mine, base = settings
     contrast = numbers.at(table, UNSEEN_OBJECTS, method, f"{mine} minus {base}")
     ours = [numbers.at(table, UNSEEN_OBJECTS, method, setting) for setting in settings]
     told = [f"{setting}: {said(row)}." for setting, row in zip(settings, ours, strict=True) if row]
-    return contrast, (
-        *([f"{mine} minus {base}: {said(contrast)}."] if contrast else []),
-        *told,
+    constant = numbers.main(UNSEEN_OBJECTS, "constant")
+    learnt = constant is None or any(row and below(row, constant.value) for row in ours)
+    idle = f"Neither is below the constant pose, {said(constant)}." if constant else ""
+    return (
+        contrast,
+        (
+            *([f"{mine} minus {base}: {said(contrast)}."] if contrast else []),
+            *told,
+            *([] if learnt else [idle]),
+        ),
+        learnt,
     )
+
+
+def _weighed(verdict: Verdict, learnt: bool) -> Verdict:
+    """Withhold a verdict on two settings of which neither has learnt anything."""
+    return verdict if learnt or verdict == "not run" else "undecided"
 
 
 def _theirs(table: str, method: str, setting: str, metric: str = MAE_AND_ERROR[2]) -> float:
@@ -249,7 +265,7 @@ def _theirs(table: str, method: str, setting: str, metric: str = MAE_AND_ERROR[2
 
 
 def _diffusion(numbers: Numbers, method: str) -> Finding:
-    contrast, told = _ablated(numbers, "3", method, ("diffusion=with", "diffusion=without"))
+    contrast, told, learnt = _ablated(numbers, "3", method, ("diffusion=with", "diffusion=without"))
     return Finding(
         topic=f"Gain by diffusion: {shown(method).name[-2:]}",
         claim=(
@@ -258,7 +274,7 @@ def _diffusion(numbers: Numbers, method: str) -> Finding:
             f" {_theirs('3', method, 'diffusion=without')}° (Table 3)."
         ),
         ours=told,
-        verdict=weigh([contrast], below, above),
+        verdict=_weighed(weigh([contrast], below, above), learnt),
     )
 
 
@@ -266,7 +282,7 @@ def _euler(numbers: Numbers) -> Finding:
     raw = "representation={},scaling=raw"
     base = raw.format("quaternion")
     settings = (raw.format("euler"), base)
-    contrast, told = _ablated(numbers, "4", CB, settings)
+    contrast, told, learnt = _ablated(numbers, "4", CB, settings)
     others = [
         f"{setting} minus {base}: {said(row)}."
         for setting in sorted(
@@ -283,14 +299,14 @@ def _euler(numbers: Numbers) -> Finding:
             " (Table 4)."
         ),
         ours=(*told, *others),
-        verdict=weigh([contrast], above, below),
+        verdict=_weighed(weigh([contrast], above, below), learnt),
     )
 
 
 def _concat(numbers: Numbers) -> Finding:
     setting = "fusion=concat minus constant:paper"
     contrast = numbers.at("5", UNSEEN_OBJECTS, CF, setting)
-    _, told = _ablated(numbers, "5", CF, ("fusion=concat", "fusion=source"))
+    _, told, _ = _ablated(numbers, "5", CF, ("fusion=concat", "fusion=source"))
     against = f"fusion=concat minus the constant pose: {said(contrast)}." if contrast else ""
     return Finding(
         topic="Fusion: concatenation",
@@ -304,7 +320,7 @@ def _concat(numbers: Numbers) -> Finding:
 
 
 def _fused_with_target(numbers: Numbers) -> Finding:
-    contrast, told = _ablated(numbers, "5", CF, ("fusion=target", "fusion=source"))
+    contrast, told, learnt = _ablated(numbers, "5", CF, ("fusion=target", "fusion=source"))
     return Finding(
         topic="Fusion: source or target",
         claim=(
@@ -313,7 +329,7 @@ def _fused_with_target(numbers: Numbers) -> Finding:
             f" {_theirs('5', CF, 'fusion=target')}° (Table 5)."
         ),
         ours=told,
-        verdict=weigh_same([contrast]),
+        verdict=_weighed(weigh_same([contrast]), learnt),
     )
 
 

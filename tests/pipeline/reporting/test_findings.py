@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -169,3 +170,20 @@ def test_one_rival_ahead_refutes_an_order_though_others_are_missing(tmp_path: Pa
         "It is behind 1 of 8 (its error minus theirs): FGR +1.00° [+1.00, +1.00]."
     )
     assert "7 were not run" in finding.ours[2]
+
+
+def test_two_settings_that_learnt_nothing_are_not_weighed(rows: Sequence[Row]) -> None:
+    def changed(kind: str, value: float, among: Sequence[Row]) -> list[Row]:
+        return [
+            replace(row, value=value, low=value - 1, high=value + 1)
+            if (row.table, row.method, row.kind) == ("3", CB, kind)
+            else row
+            for row in among
+        ]
+
+    ahead = changed("contrast", -5.0, rows)
+    before = find(make_findings(ahead), "Gain by diffusion: CB")
+    assert before.verdict == "confirmed"
+    after = find(make_findings(changed("line", 90.0, ahead)), "Gain by diffusion: CB")
+    assert after.verdict == "undecided"
+    assert after.ours[-1].startswith("Neither is below the constant pose, ")
