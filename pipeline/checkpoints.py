@@ -120,9 +120,13 @@ def open_checkpoint(
 
 
 def fingerprint(params: Mapping[str, object], deps: Sequence[Path]) -> str:
-    """Return the name of a training: sha256 of its params and of the bytes it depends on."""
+    """Return the name of a training: sha256 of its stage, its params and what it depends on.
+
+    Variants of several ablations may be told the same; they run at the same time all the same.
+    """
+    stage = os.environ.get("DVC_STAGE", "")
     try:
-        told = json.dumps(params, sort_keys=True)
+        told = json.dumps([stage, params], sort_keys=True)
     except TypeError as error:
         raise ValueError(f"a training's params must be JSON: {error}") from error
     for path in deps:

@@ -204,3 +204,19 @@ def test_an_input_that_is_missing_is_named() -> None:
 def test_the_project_may_be_given(tmp_path: Path) -> None:
     with open_checkpoint(PARAMS, DEPS, root=tmp_path / "other") as checkpoint:
         assert checkpoint.folder.is_relative_to(tmp_path / "other")
+
+
+def test_two_stages_that_are_told_the_same_have_checkpoints_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DVC_STAGE", "train_fusion@pcrdiffusion_cf-source")
+    with open_checkpoint({"fusion": "source"}, [], root=tmp_path):
+        monkeypatch.setenv("DVC_STAGE", "train_diffusion@pcrdiffusion_cf-with")
+        with open_checkpoint({"fusion": "source"}, [], root=tmp_path) as other:
+            assert other.load() is None
+        with (
+            pytest.raises(ValueError, match="another training with the same params"),
+            open_checkpoint({"fusion": "source"}, [], root=tmp_path),
+            open_checkpoint({"fusion": "source"}, [], root=tmp_path),
+        ):
+            pass

@@ -135,6 +135,7 @@ def test_a_checkpoint_is_told_all_code_that_a_training_runs() -> None:
         "pipeline/artifacts.py",  # reads pairs, whose bytes are told, and writes when all is done
         "pipeline/machine.py",  # asks the machine for what `threads` says
         "pipeline/seeding.py",
+        "pipeline/variants.py",  # names what is varied, which is told
     ]
 
 

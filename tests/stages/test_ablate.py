@@ -23,7 +23,9 @@ def ablated(project: Path) -> Path:
 
 def test_there_is_a_row_a_pair_method_and_value() -> None:
     counts = Counter((row["method"], row["setting"]) for row in read_rows(ANSWERS))
-    assert counts == {(m, f"steps={n}"): 3 for m in (CF, CB) for n in (1, 2)}
+    walks = [f"steps={n},sampler={sampler}" for n in (1, 2) for sampler in ("ddpm", "ddim")]
+    again = [f"{walk},draw=1" for walk in walks]  # CF's walks are drawn twice
+    assert counts == dict.fromkeys([(CB, w) for w in walks] + [(CF, w) for w in walks + again], 3)
 
 
 def test_writes_the_same_bytes_twice(ablated: Path) -> None:
@@ -34,7 +36,8 @@ def test_writes_the_same_bytes_twice(ablated: Path) -> None:
 
 def test_the_unvaried_value_gives_the_rows_of_the_evaluation() -> None:
     evaluated = read_rows(Path(f"results/{SCENARIO}/{CF}.csv"))
-    ablation = [r for r in read_rows(ANSWERS) if (r["method"], r["setting"]) == (CF, "steps=1")]
+    walk = (CF, "steps=1,sampler=ddpm")
+    ablation = [r for r in read_rows(ANSWERS) if (r["method"], r["setting"]) == walk]
     for ours, theirs in zip(ablation, evaluated, strict=True):
         del ours["method"]
         assert ours | {"setting": "paper"} == theirs
@@ -46,7 +49,7 @@ def test_weights_that_were_cut_are_refused_and_named(ablated: Path) -> None:
     (ablated / ANSWERS).unlink()
     said = refusal("ablate", instance("ablate@steps").argv)
     assert f"{CB}.safetensors is not a safetensors file" in said
-    assert not any("ablations" in file for file in files_below(ablated / "results"))
+    assert "ablations/steps.csv" not in files_below(ablated / "results")
 
 
 def test_a_name_that_no_ablation_has_ends_with_usage(capsys: pytest.CaptureFixture[str]) -> None:
