@@ -172,7 +172,7 @@ class Launcher:
         """Run everything; yields each stage that was not up to date as it ends."""
         try:
             while self.pending or self.running:
-                yield from self._start(jobs)
+                self._start(jobs)
                 if self.running:
                     yield self._reap()
                 if self.failure and not self.running:
@@ -182,7 +182,7 @@ class Launcher:
                 one.process.join()
             raise
 
-    def _start(self, jobs: int) -> Iterator[Finished]:
+    def _start(self, jobs: int) -> None:
         """Start what can be started; stages that are up to date end at once."""
         while not self.failure and len(self.running) < jobs:
             stage = next(filter(self._is_ready, self.pending), None)
@@ -197,7 +197,6 @@ class Launcher:
                 self.running.append(self._fork(stage))
             else:
                 self.ended.add(stage)
-        yield from ()
 
     def _is_ready(self, stage: Any) -> bool:  # noqa: ANN401  DVC's own stage
         beside = [one.stage for one in self.running]
