@@ -1,7 +1,6 @@
 """The paper's numbers, typed by hand, against the paper's own text."""
 
 import re
-from pathlib import Path
 
 import pytest
 
@@ -18,8 +17,9 @@ from pipeline.reporting.paper import (
     scenario_rank,
     shown,
 )
+from tests.described import REPOSITORY
 
-PAPER = Path(__file__).parents[3] / "shared" / "paper"
+PAPER = REPOSITORY.parent / "shared" / "paper"
 NAMES = {"DCP": "dcp_v2",
          "PCRDiffusion Correspondence-Free": "pcrdiffusion_cf", "PCRDiffusion": "pcrdiffusion_cb",
          "PCRDiffusion Correspondence-Based": "pcrdiffusion_cb",
