@@ -4,7 +4,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from pcrdiff.models.pointnet import PointNet
+from pcrdiff.models import pointnet
+from pcrdiff.models.pointnet import PointNet, at_critical
 from tests.pcrdiff.made_up_clouds import lopsided_clouds, seeded
 
 
@@ -67,3 +68,43 @@ def test_points_may_carry_more_than_three_numbers() -> None:
     points = torch.randn(2, 9, 4, generator=seeded(4), dtype=torch.float64)
     network = make(ins=4)
     torch.testing.assert_close(network(points), plain(network, points))
+
+
+def test_float32_gradients_are_the_plain_networks() -> None:
+    network, points = make().float(), clouds(batch=8, n=300).float()
+    weight = torch.randn(8, 64, generator=seeded(2))
+    ours = torch.autograd.grad((network(points) * weight).sum(), [*network.parameters()])
+    theirs = torch.autograd.grad((plain(network, points) * weight).sum(), [*network.parameters()])
+    for a, b in zip(ours, theirs, strict=True):
+        assert (a - b).norm() / b.norm() < 1e-5
+
+
+def test_a_linear_layer_at_critical_rows_has_the_gradient_of_its_formula() -> None:
+    hidden, weight = (
+        torch.randn(rows, 5, generator=seeded(rows), dtype=torch.float64, requires_grad=True)
+        for rows in (12, 7)
+    )
+    place = torch.cat([torch.randint(0, 6, (1, 7)), torch.randint(6, 12, (1, 7))])
+    picked = at_critical(hidden, weight, place)
+    torch.testing.assert_close(picked, (hidden[place] * weight).sum(dim=-1))
+    assert torch.autograd.gradcheck(lambda h, w: at_critical(h, w, place), (hidden, weight))
+
+
+def test_where_bfloat16_is_fast_the_values_are_still_those_of_the_points_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where the processor has it; elsewhere its way alone is tried, with the same numbers."""
+    network, points = make().float(), clouds(n=400).float()
+    wanted = plain(network, points)
+    monkeypatch.setattr(pointnet, "BFLOAT16", True)
+    with torch.no_grad():
+        found = network(points)
+        taken = network.per_point(points.flatten(0, 1)).gather(0, network.critical_points(points))
+    torch.testing.assert_close(found, taken)
+    assert (wanted - found).abs().max() < 0.01 * wanted.max()
+
+
+def test_many_points_are_scored_in_blocks() -> None:
+    network, points = make(), clouds(batch=2, n=2 * pointnet.BLOCK + 5)
+    with torch.no_grad():
+        torch.testing.assert_close(network(points), plain(network, points), atol=1e-13, rtol=0)
