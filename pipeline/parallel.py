@@ -11,7 +11,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import nullcontext, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
@@ -28,6 +28,7 @@ from dvc.utils.serialize import dumps_yaml, parse_yaml
 from pipeline.artifacts import write_atomically
 from pipeline.invocation import VARIABLE, process_identity
 from pipeline.planning import named, stage_name
+from pipeline.warm import commands_in_forks, preload
 
 LOCK_EVERY = 600.0  # seconds between two writes of dvc.lock, each of which takes some itself
 LAST_LINES = 15  # of a failed stage's output that are shown
@@ -208,6 +209,7 @@ class Launcher:
         return any(True for _ in self.graph.predecessors(stage))
 
     def _fork(self, stage: Any) -> Running:  # noqa: ANN401  DVC's own stage
+        preload()
         log = self.logs / f"{stage_name(stage)}.log"
         log.parent.mkdir(parents=True, exist_ok=True)
         ours, theirs = FORK.Pipe(duplex=False)
@@ -246,7 +248,7 @@ def reproduce(repo: Any, stage: Any, answer: Connection, log: Path) -> None:  # 
         os.dup2(file.fileno(), sys.stderr.fileno())
         with redirect_stdout(file), redirect_stderr(file):
             try:
-                with repo.lock:
+                with repo.lock, nullcontext() if _is_alone(stage) else commands_in_forks():
                     stage.reproduce()
                 answer.send((to_lockfile(stage), sum(os.times()[:4])))
             except DvcException as error:
