@@ -1,0 +1,114 @@
+"""Whether a search for the maxima in bfloat16 costs accuracy: CF trained with it and without.
+
+Takes minutes, so it is a command of its own: ``python -m benchmarks.precision``. Where the
+processor has no bfloat16 its products are computed from rounded factors, which gives the same
+numbers slowly.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from pcrdiff.evaluation import evaluate
+from pcrdiff.metrics import error_r_deg
+from pcrdiff.models import pointnet
+from pcrdiff.registration import Pairs
+from pcrdiff.training import Budget, FreshPoses, Trainer, train
+from pipeline.artifacts import read_pairs, write_csv
+from pipeline.building import build_untrained
+from pipeline.machine import settle
+from pipeline.params import Params, read_params
+from pipeline.progress import bar
+
+SCENARIO, METHOD = "modelnet40-unseen_objects", "pcrdiffusion_cf"
+SEEDS = (0, 1, 2)
+OUT = Path("benchmarks/precision.csv")
+COLUMNS = ("search", "seed", "steps", "error_r_deg", "pairs")
+
+
+@dataclass(frozen=True)
+class Nowhere:
+    """A training that is not picked up again."""
+
+    def load(self) -> None:
+        """Nothing was saved."""
+
+    def due(self) -> bool:
+        """Never."""
+        return False
+
+    def save(self, tensors: Mapping[str, Tensor], record: Mapping[str, object]) -> None:
+        """Nowhere."""
+
+
+def rounded_scores(weight: Tensor, hidden: Tensor) -> Tensor:
+    """``W H^T`` of factors rounded to bfloat16, summed in float32."""
+    return weight.bfloat16().float() @ hidden.bfloat16().float().mT
+
+
+def exact_scores(weight: Tensor, hidden: Tensor) -> Tensor:
+    """``W H^T`` in float32, whatever the processor has."""
+    return weight @ hidden.mT
+
+
+SEARCHES = {"float32": exact_scores, "bfloat16": rounded_scores}
+
+
+def trained_error(params: Params, splits: Mapping[str, Pairs], seed: int) -> tuple[int, float]:
+    """Steps, and the mean rotation error in degrees on the test pairs, of one training of CF."""
+    torch.manual_seed(seed)
+    network = build_untrained(METHOD, params.methods, params.diffusion)
+    told = params.train.pcrdiffusion_cf.model_dump()
+    budget = Budget(params.training(SCENARIO, METHOD).epochs, **told)
+    made = params.scenarios[SCENARIO]
+    fresh = FreshPoses(made.max_rotation, made.max_translation)
+    trainer = Trainer(network, splits["train"], splits["val"], budget, fresh, seed=seed)
+    weights, curve = train(trainer, Nowhere(), bar)
+    network.load_state_dict(weights)
+    answers = evaluate(network.eval(), splits["test"], seed=0)
+    angles = error_r_deg(answers.T_target_source, splits["test"].T_target_source)
+    return curve[-1].step, angles.mean().item()
+
+
+def measure(params: Params, pairs: Path, seeds: Sequence[int] = SEEDS) -> list[list[object]]:
+    """A row for each search and seed, in the order of ``COLUMNS``."""
+    splits = {name: read_pairs(pairs, name) for name in ("train", "val", "test")}
+    rows: list[list[object]] = []
+    for seed in seeds:
+        for search, scores in SEARCHES.items():
+            with patch.object(pointnet, "search_scores", scores):
+                steps, error = trained_error(params, splits, seed)
+            rows.append([search, seed, steps, error, len(splits["test"])])
+    return rows
+
+
+def verdict(rows: Sequence[Sequence[object]]) -> str:
+    """The mean difference of the two searches beside the spread over seeds."""
+    found = {
+        search: np.array([float(str(row[3])) for row in rows if row[0] == search])
+        for search in SEARCHES
+    }
+    difference = float((found["bfloat16"] - found["float32"]).mean())
+    spread = float(found["float32"].std(ddof=1))
+    return (
+        f"bfloat16 search: {difference:+.3f} deg against float32 in the mean of "
+        f"{len(found['float32'])} seeds, which spread by {spread:.3f} deg"
+    )
+
+
+def main() -> None:
+    """Train, write ``precision.csv`` and say what it comes to."""
+    params = read_params()
+    settle(params.threads)
+    rows = measure(params, Path(f"data/pairs/{SCENARIO}.h5"))
+    write_csv(OUT, [list(COLUMNS), *rows])
+    print(verdict(rows))  # noqa: T201  the command's answer
+
+
+if __name__ == "__main__":
+    main()
