@@ -118,10 +118,13 @@ def search_scores(
     weight: Float[Tensor, "dim width"], hidden: Float[Tensor, "n width"]
 ) -> Float[Tensor, "dim n"]:
     """``W H^T``, what the search for the maxima compares; in ``BFLOAT16``, summed in float32."""
-    if not BFLOAT16:
+    products = torch.backends.mkldnn.matmul  # type: ignore[attr-defined]  # made at run time
+    before = products.fp32_precision
+    products.fp32_precision = "bf16" if BFLOAT16 else before
+    try:
         return weight @ hidden.mT
-    with torch.backends.mkldnn.flags(enabled=True, fp32_precision="bf16"):
-        return weight @ hidden.mT
+    finally:
+        products.fp32_precision = before
 
 
 def _entries(
