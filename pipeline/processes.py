@@ -41,7 +41,8 @@ class Together:
 
     def total(self, values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
         """The sum over the processes."""
-        summed: Tensor = self.fabric.all_reduce(values.to(self.device), reduce_op="sum")
+        summed = values.to(self.device, copy=True)
+        distributed.all_reduce(summed)
         return summed.to(values.device)
 
     def of_first(self, value: T) -> T:
@@ -99,7 +100,7 @@ def check_agreement(
 
 def _launch(devices: int, nodes: int) -> "Fabric":
     from lightning_fabric import Fabric  # seconds, which a process alone need not wait
-    from lightning_fabric.strategies import DDPStrategy
+    from lightning_fabric.strategies.ddp import DDPStrategy
 
     gpus = torch.cuda.device_count()
     if 0 < gpus < devices:

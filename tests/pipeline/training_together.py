@@ -3,11 +3,11 @@
 ``python -m tests.pipeline.training_together FOLDER`` starts its second process by itself.
 """
 
-import json
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import torch
 from torch import Tensor
@@ -19,7 +19,7 @@ from pcrdiff.methods.pcrnet import PCRNet
 from pcrdiff.models.pose_encoder import Diffusion
 from pcrdiff.processes import Processes
 from pcrdiff.registration import LearnedMethod
-from pcrdiff.training import Budget, FreshPoses, Trainer, train
+from pcrdiff.training import Budget, Epoch, FreshPoses, Trainer, train
 from pipeline.processes import join
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 
@@ -27,6 +27,19 @@ GLOBAL_BATCH = 6
 PAIRS = 13  # batches of six, six and one, of which the second process has nothing
 EPOCHS = 4
 NAMES = ("cf", "cf-without", "pcrnet", "fmr")
+RESUMED = "resumed"
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a training came to."""
+
+    curve: list[Epoch]
+    best_epoch: int
+    best: dict[str, Tensor]
+    weights: dict[str, Tensor]
+    """Of the last epoch."""
 
 
 def make_method(name: str) -> LearnedMethod:
@@ -36,7 +49,7 @@ def make_method(name: str) -> LearnedMethod:
     if name == "fmr":  # its decoder has no part in the pose, nor in what is validated
         return FMR(feature_dim=16, decoded_points=16, difference=0.1, train_updates=2, updates=2)
     told: Diffusion = "without" if name == "cf-without" else "with"
-    return PCRDiffusionCF(Walk(20, 1, "ddpm"), 16, "quaternion", "standardised", "source", told)
+    return PCRDiffusionCF(Walk(20, 1, "ddpm"), 16, "quaternion", "raw", "source", told)
 
 
 class Memory:
@@ -58,13 +71,13 @@ class Memory:
         """As a file would."""
         self.kept = {name: value.clone() for name, value in tensors.items()}, dict(record)
 
-    def watched(self, items: Sequence[int], description: str) -> Sequence[int]:
+    def watched(self, items: Sequence[T], description: str) -> Iterable[T]:
         """The epochs until the kill."""
         del description
         return items[: self.killed_after]
 
 
-def outcome(name: str, processes: Processes, memory: Memory) -> dict[str, object]:
+def outcome(name: str, processes: Processes, memory: Memory) -> Outcome:
     """Train to the end, or until the kill."""
     torch.manual_seed(processes.rank)  # others than the first start from its weights all the same
     budget = Budget(EPOCHS, GLOBAL_BATCH // processes.count, 0.001, "cosine", 1, 2)
@@ -74,27 +87,22 @@ def outcome(name: str, processes: Processes, memory: Memory) -> dict[str, object
         make_method(name), pairs, val, budget, FreshPoses(0.5, 0.5), seed=3, processes=processes
     )
     best, curve = train(trainer, memory, memory.watched)
-    return {
-        "curve": [asdict(epoch) for epoch in curve],
-        "best": {key: value.tolist() for key, value in best.items()},
-        "weights": {key: value.tolist() for key, value in trainer.method.state_dict().items()},
-        "best_epoch": trainer.best_epoch,
-    }
+    return Outcome(curve, trainer.best_epoch, best, trainer.method.state_dict())
 
 
 def main() -> None:
-    """Train each method in two processes, then once more with a break after two epochs."""
+    """Train each method in two processes, and one of them once more with a break."""
     folder = Path(sys.argv[1])
     with join(2, 1) as processes:
         torch.set_num_threads(1)
         for name in NAMES:
             whole = outcome(name, processes, Memory(processes))
-            memory = Memory(processes, killed_after=3)
-            outcome(name, processes, memory)
-            memory.killed_after = None
-            resumed = outcome(name, processes, memory)
-            text = json.dumps({"whole": whole, "resumed": resumed})
-            (folder / f"{name}-{processes.rank}.json").write_text(text)
+            torch.save(vars(whole), folder / f"{name}-{processes.rank}.pt")
+        memory = Memory(processes, killed_after=3)
+        outcome(NAMES[0], processes, memory)
+        memory.killed_after = None
+        resumed = outcome(NAMES[0], processes, memory)
+        torch.save(vars(resumed), folder / f"{RESUMED}-{processes.rank}.pt")
 
 
 if __name__ == "__main__":
