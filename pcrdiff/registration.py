@@ -46,6 +46,18 @@ class Pairs:
             *(None if each is None else each[index] for each in normals),
         )
 
+    def to(self, device: torch.device) -> "Pairs":
+        """The same pairs on a device; ``item`` stays where it is."""
+        normals = (self.source_normals, self.target_normals)
+        return Pairs(
+            self.source.to(device),
+            self.target.to(device),
+            self.T_target_source.to(device),
+            self.item,
+            self.group,
+            *(None if each is None else each.to(device) for each in normals),
+        )
+
     def clouds(
         self, normals: Normals
     ) -> tuple[Float[Tensor, "pairs n channels"], Float[Tensor, "pairs m channels"]]:

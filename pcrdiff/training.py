@@ -7,11 +7,14 @@ from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import torch
+from jaxtyping import Float, Float64
 from torch import Tensor
 
 from pcrdiff.data.corruption import draw_pose
+from pcrdiff.diffusion.shares import Share, SharedGenerator
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.metrics import error_r_deg, error_t
+from pcrdiff.processes import ALONE, Loss, Processes
 from pcrdiff.progress import Progress, silent
 from pcrdiff.registration import LearnedMethod, Pairs
 
@@ -24,6 +27,7 @@ class Budget:
 
     epochs: int
     batch_size: int
+    """Pairs in a step, per process."""
     learning_rate: float
     schedule: Literal["plateau", "cosine"]
     """Halve when an epoch's loss has stopped falling (the paper's), or fall along a cosine."""
@@ -78,9 +82,13 @@ class Trainer:
 
     What happens in an epoch depends on ``(seed, epoch)`` and on the state at its start alone, so
     a training resumed at an epoch's start ends with the same weights.
+
+    Several processes step together over batches as many times larger, each on every
+    ``processes.count``-th row. They draw alike and hold the same state; but for the order in which
+    sums are taken they learn what one process learns from those batches.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what is trained, on what, how, from which draws and with whom
         self,
         method: LearnedMethod,
         train: Pairs,
@@ -89,10 +97,13 @@ class Trainer:
         fresh: FreshPoses | None,
         *,
         seed: int,
+        processes: Processes = ALONE,
     ) -> None:
         """``fresh`` draws a new pose per pair and epoch; None keeps those of the pair file."""
         self.method, self.train, self.val, self.budget = method, train, val, budget
-        self.fresh, self.seed = fresh, seed
+        self.fresh, self.seed, self.processes = fresh, seed, processes
+        self.loss: Loss = method.to(processes.device).loss
+        self.noise: dict[int, Tensor] | None = None
         self.optimizer = torch.optim.Adam(method.parameters(), lr=budget.learning_rate, fused=True)
         self.curve: list[Epoch] = []
         self.best: dict[str, Tensor] = {}
@@ -101,7 +112,12 @@ class Trainer:
     @property
     def steps_per_epoch(self) -> int:
         """Batches in an epoch; the last one may be smaller."""
-        return math.ceil(self.pairs_per_epoch / self.budget.batch_size)
+        return math.ceil(self.pairs_per_epoch / self.batch_size)
+
+    @property
+    def batch_size(self) -> int:
+        """Pairs in a step, of all processes together."""
+        return self.budget.batch_size * self.processes.count
 
     @property
     def pairs_per_epoch(self) -> int:
@@ -121,32 +137,44 @@ class Trainer:
 
     def run_epoch(self, epoch: int) -> None:
         """Step over the epoch's pairs once, validate if due, keep the weights if best."""
-        generator = torch.Generator().manual_seed(_seed(self.seed, epoch))
+        generator = SharedGenerator()
+        generator.manual_seed(_seed(self.seed, epoch))
         sums: dict[str, float] = {}
-        for batch, pairs in enumerate(self._batches(epoch)):
+        for batch, (generator.share, pairs) in enumerate(self._batches(epoch)):
             rate = self.learning_rate(epoch, batch)
             for group in self.optimizer.param_groups:
                 group["lr"] = rate
-            terms = self.method.loss(pairs, generator=generator)
+            terms = self.loss(pairs.to(self.processes.device), generator=generator)
             total = torch.stack(list(terms.values())).sum()
-            self.optimizer.zero_grad()
-            torch.autograd.backward(total)
-            torch.nn.utils.clip_grad_norm_(self.method.parameters(), 10.0, error_if_nonfinite=True)
-            self.optimizer.step()
+            self._step(total * (generator.share.weight * self.processes.count))
+            part = generator.share.count
             for name, value in {"loss": total, **terms}.items():
-                sums[name] = sums.get(name, 0.0) + value.item() * len(pairs) / self.pairs_per_epoch
-        self._close(epoch, rate, sums)
+                sums[name] = sums.get(name, 0.0) + value.item() * part / self.pairs_per_epoch
+        self._close(epoch, rate, self._total(sums))
 
-    def _batches(self, epoch: int) -> Iterator[Pairs]:
+    def _step(self, loss: Tensor) -> None:
+        """Follow the gradient, cut to length 10; of several processes, the mean of theirs."""
+        self.optimizer.zero_grad()
+        torch.autograd.backward(loss)
+        torch.nn.utils.clip_grad_norm_(self.method.parameters(), 10.0, error_if_nonfinite=True)
+        self.optimizer.step()
+
+    def _total(self, losses: Mapping[str, float]) -> dict[str, float]:
+        """The losses of all processes from the parts of each."""
+        values = torch.tensor(list(losses.values()), dtype=torch.float64)
+        return dict(zip(losses, self.processes.total(values).tolist(), strict=True))
+
+    def _batches(self, epoch: int) -> Iterator[tuple[Share, Pairs]]:
+        """This process's share of each batch, and the pairs that it holds."""
         order = np.random.default_rng([self.seed, epoch]).permutation(len(self.train))
         drawn = torch.from_numpy(order[: self.pairs_per_epoch])
-        for chosen in torch.split(drawn, self.budget.batch_size):
+        for batch in torch.split(drawn, self.batch_size):
+            share = Share(len(batch), self.processes.rank, self.processes.count)
+            chosen = batch[share.rows]
             pairs = self.train.select(chosen)
-            yield (
-                pairs
-                if self.fresh is None
-                else repose(pairs, self.fresh, self._draws(chosen, epoch))
-            )
+            if self.fresh is not None:
+                pairs = repose(pairs, self.fresh, self._draws(chosen, epoch))
+            yield share, pairs
 
     def _draws(self, chosen: Tensor, epoch: int) -> list[np.random.Generator]:
         return [np.random.default_rng([self.seed, epoch, pair]) for pair in chosen.tolist()]
@@ -164,15 +192,37 @@ class Trainer:
     def _validate(self) -> tuple[float, float]:
         """Mean errors on the validation pairs, the same noise every time."""
         self.method.eval()
+        estimate, truth = self._estimates(), self.val.T_target_source
+        self.method.train()
+        return error_r_deg(estimate, truth).mean().item(), error_t(estimate, truth).mean().item()
+
+    def _estimates(self) -> Float64[Tensor, "pairs 4 4"]:
+        """The pose of each validation pair.
+
+        One generator serves all pairs, one after the other. The first time each process goes over
+        all of them and notes how the generator stands at its own; from then on they share them.
+        """
         generator = torch.Generator().manual_seed(self.seed)
         source, target = self.val.clouds(self.method.normals)
-        estimates = [
-            self.method.register(source[i : i + 1], target[i : i + 1], generator=generator)
-            for i in range(len(self.val))
-        ]
-        self.method.train()
-        estimate, truth = torch.cat(estimates).double(), self.val.T_target_source
-        return error_r_deg(estimate, truth).mean().item(), error_t(estimate, truth).mean().item()
+
+        def register(i: int) -> Float[Tensor, "4 4"]:
+            clouds = (cloud[i : i + 1].to(self.processes.device) for cloud in (source, target))
+            return self.method.register(*clouds, generator=generator)[0]
+
+        poses = torch.zeros(len(self.val), 4, 4, dtype=torch.float64)
+        if self.noise is not None:
+            for i, state in self.noise.items():
+                generator.set_state(state)
+                poses[i] = register(i)
+            return self.processes.total(poses)
+        states = []
+        for i in range(len(self.val)):
+            states.append(generator.get_state())
+            poses[i] = register(i)
+        rank, count = self.processes.rank, self.processes.count
+        if count > 1:
+            self.noise = {i: states[i] for i in range(rank, len(self.val), count)}
+        return poses
 
     def state(self) -> tuple[dict[str, Tensor], dict[str, object]]:
         """Everything the next epoch depends on."""
@@ -206,17 +256,20 @@ def train(
 ) -> tuple[dict[str, Tensor], list[Epoch]]:
     """Train to the end of the budget, from the checkpoint if there is one.
 
+    Of several processes, all go on from the checkpoint of the first.
+
     Returns:
         The weights of the best validated epoch, and the curve.
 
     Raises:
         RuntimeError: A gradient is not finite.
     """
-    saved = checkpoint.load()
+    saved = trainer.processes.of_first(checkpoint.load())
     if saved is None:
         trainer.method.prepare(trainer.train)
     else:
         trainer.restore(*saved)
+    trainer.loss = trainer.processes.spread(trainer.method)
     epochs = range(len(trainer.curve), trainer.budget.epochs)
     trainer.method.train()
     for epoch in progress(epochs, f"train {trainer.method.name}"):

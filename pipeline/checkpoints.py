@@ -81,6 +81,20 @@ class Checkpoint:
         _fsync(self.folder)
 
 
+class NoCheckpoint:
+    """What the processes have that train along with the first, which keeps the state of all."""
+
+    def due(self) -> bool:
+        """Say that there is nothing to do."""
+        return False
+
+    def load(self) -> None:
+        """Return nothing."""
+
+    def save(self, tensors: Mapping[str, torch.Tensor], record: Mapping[str, object]) -> None:
+        """Keep nothing."""
+
+
 @contextmanager
 def open_checkpoint(
     params: Mapping[str, object], deps: Sequence[Path], *, root: Path | None = None

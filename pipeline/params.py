@@ -145,6 +145,10 @@ class Optimisation(Section):
 class Train(Section):
     """Training, one section per learned method."""
 
+    devices: Count
+    """Processes on each host, each with a batch of its own; on GPUs where there are any."""
+    nodes: Count
+    """Hosts."""
     poses: Literal["fixed", "fresh"]
     pointnetlk: Optimisation
     pcrnet: Optimisation
@@ -335,7 +339,9 @@ class Params(Section):
 
 def learned_names() -> list[str]:
     """The methods that are trained."""
-    return sorted(set(Train.model_fields) - {"poses"})
+    return sorted(
+        name for name, field in Train.model_fields.items() if field.annotation is Optimisation
+    )
 
 
 def _check_answers(where: str, method: str, answers: str) -> None:

@@ -8,6 +8,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from pcrdiff.processes import ALONE, Processes
+from pcrdiff.progress import silent
 from pcrdiff.training import Budget, Checkpoint, Epoch, FreshPoses, Trainer, train
 from pipeline.artifacts import read_pairs
 from pipeline.building import build_untrained
@@ -17,7 +19,12 @@ from pipeline.seeding import stream
 from pipeline.tracking import Journal
 from pipeline.variants import AS_IT_IS, Variant, setting_of
 
-CODE = (Path("pcrdiff"), Path("pipeline/building.py"), Path("pipeline/training.py"))
+CODE = (
+    Path("pcrdiff"),
+    Path("pipeline/building.py"),
+    Path("pipeline/processes.py"),
+    Path("pipeline/training.py"),
+)
 """What a half-done training was made with: if it changes, the training starts anew."""
 
 VALIDATION_WALK = {"steps": 1, "sampler": "ddpm", "hypotheses": 1}
@@ -60,6 +67,8 @@ def training_params(
     return {
         "seed": params.seed,
         "threads": params.threads,
+        "devices": params.train.devices,
+        "nodes": params.train.nodes,
         "scenario": scenario,
         "method": method,
         "epochs": epochs_of(params, scenario, method, variant),
@@ -72,17 +81,19 @@ def training_params(
     }
 
 
-def train_method(
+def train_method(  # noqa: PLR0913 - what stages/train.py is told, where it goes on, and with whom
     params: Params,
     scenario: str,
     method: str,
     variant: Variant,
     pairs: Path,
     checkpoint: Checkpoint,
+    processes: Processes = ALONE,
 ) -> Trained:
     """Train a method, or a variant of it, to the end of its budget.
 
-    All variants of a method start from the same draws and see the pairs in the same order.
+    All variants of a method start from the same draws and see the pairs in the same order. Each of
+    several processes comes back with the same outcome.
 
     Raises:
         FileNotFoundError, ValueError: The pair file is not there or not one.
@@ -103,14 +114,18 @@ def train_method(
         budget,
         fresh if params.train.poses == "fresh" else None,
         seed=stream(params.seed, f"train/{scenario}/{method}"),
+        processes=processes,
     )
-    weights, curve = train(trainer, checkpoint, bar)
+    weights, curve = train(trainer, checkpoint, bar if processes.rank == 0 else silent)
     facts: dict[str, object] = {
         "method": method,
         "scenario": scenario,
         "epochs": budget.epochs,
         "steps": curve[-1].step,
         "batch_size": budget.batch_size,
+        "devices": params.train.devices,
+        "nodes": params.train.nodes,
+        "threads": params.threads,
         "train_pairs": len(data),
         "epoch_pairs": trainer.pairs_per_epoch,
         "parameters": sum(p.numel() for p in network.parameters()),

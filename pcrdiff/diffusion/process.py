@@ -7,6 +7,8 @@ import torch
 from jaxtyping import Float, Float64, Int
 from torch import Tensor
 
+from pcrdiff.diffusion.shares import rows_drawn
+
 
 def q_sample(
     x_0: Float[Tensor, "batch dim"],
@@ -27,11 +29,14 @@ def corrupt(
 ) -> tuple[Float[Tensor, "batch dim"], Int[Tensor, " batch"]]:
     """Draw a time in 1 .. T and a noise for each vector, and corrupt it (Algorithm 1).
 
+    If the vectors are one process's share of a batch, they get what they would in the whole.
+
     Returns:
         (x_t, t).
     """
-    t = torch.randint(1, len(alphas_bar), (len(x_0),), generator=generator)
-    noise = torch.randn(x_0.shape, generator=generator).to(x_0)
+    batch, mine = rows_drawn(len(x_0), generator)
+    t = torch.randint(1, len(alphas_bar), (batch,), generator=generator)[mine]
+    noise = torch.randn((batch, x_0.shape[1]), generator=generator)[mine].to(x_0)
     return q_sample(x_0, t, noise, alphas_bar), t.to(x_0.device)
 
 

@@ -102,6 +102,8 @@ def test_a_checkpoint_is_told_every_param_that_dvc_watches() -> None:
         "seed": params.model_copy(update={"seed": 8}),
         "threads": params.model_copy(update={"threads": 2}),
         "diffusion.timesteps": changed(params, "diffusion", timesteps=21),
+        "train.devices": changed(params, "train", devices=2),
+        "train.nodes": changed(params, "train", nodes=2),
         "train.poses": changed(params, "train", poses="fixed"),
         "train.${item.method}": changed(
             params, "train", **{CF: params.train.pcrdiffusion_cf.model_copy(update={"patience": 9})}

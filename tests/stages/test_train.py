@@ -2,6 +2,10 @@
 
 import csv
 import json
+import os
+import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -9,7 +13,17 @@ import pytest
 
 from pipeline import checkpoints, training
 from pipeline.artifacts import read_weights
-from tests.tiny import CB, CF, SCENARIO, files_below, instance, run_instance
+from tests.described import REPOSITORY
+from tests.tiny import (
+    CB,
+    CF,
+    SCENARIO,
+    files_below,
+    instance,
+    run_instance,
+    tiny_params,
+    write_params,
+)
 
 FOLDER = Path("models") / SCENARIO
 CHECKPOINTS = Path(".pcrdiff") / "checkpoints"
@@ -129,3 +143,68 @@ def test_the_weights_are_those_of_the_method_and_the_facts_and_curve_agree(proje
     best = curve[facts["best_epoch"]]
     assert float(best["val_error_r_deg"]) == facts["val_error_r_deg"]
     assert {"epoch", "loss"} <= curve[0].keys()  # what dvc.yaml plots
+
+
+# Two processes.
+
+
+def run_two(module: str, *how: str) -> subprocess.CompletedProcess[str]:
+    """Train CF in two processes, from a command line as DVC has it."""
+    params = tiny_params()
+    params["train"] |= {"devices": 2}
+    params["train"][CF] |= {"batch_size": 2}
+    write_params(params)
+    command = [sys.executable, "-m", module, *how, *instance(f"train@{SCENARIO}-{CF}").argv]
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"}
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+
+
+def curve_of(method: str) -> list[dict[str, float]]:
+    rows = csv.DictReader((FOLDER / f"{method}.csv").read_text().splitlines())
+    return [{name: float(value) for name, value in row.items()} for row in rows]
+
+
+def processes_of(project: Path) -> list[Path]:
+    """The processes that work in a folder."""
+    return [p for p in Path("/proc").glob("[0-9]*/cwd") if p.exists() and p.samefile(project)]
+
+
+@pytest.mark.slow
+def test_two_processes_train_as_one_does_and_go_on_when_killed_with_the_same_bytes(
+    project: Path,
+) -> None:
+    alone = curve_of(CF)
+    done = run_two("stages.train")
+    assert done.returncode == 0, done.stderr
+    whole = outputs(CF)
+    for ours, theirs in zip(curve_of(CF), alone, strict=True):
+        assert ours == pytest.approx(theirs, rel=1e-3)
+    assert json.loads(whole[f"{CF}.json"])["devices"] == 2
+
+    forget(CF)
+    killed = run_two("tests.stages.train_broken", "killed", "0")
+    assert killed.returncode == -signal.SIGKILL
+    assert outputs(CF) == {}
+    assert len(list(CHECKPOINTS.glob("*/latest.safetensors"))) == 1
+    resumed = run_two("stages.train")
+    assert resumed.returncode == 0, resumed.stderr
+    assert " 2/2 " in resumed.stderr  # of the bar: the first of three epochs is done
+    assert outputs(CF) == whole
+    assert files_below(project / CHECKPOINTS) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["raises", "killed"])
+def test_a_process_that_dies_takes_the_other_with_it(project: Path, how: str) -> None:
+    forget(CF)
+    done = run_two("tests.stages.train_broken", how, "1")
+    assert done.returncode != 0
+    said = [line for line in done.stderr.splitlines() if line.startswith("train_broken: ")]
+    lost = "train_broken: process 0 of 2 ends because it has lost another; "
+    assert [line.startswith(lost) for line in said] == (
+        [False, True] if how == "raises" else [True]
+    )
+    assert ("train_broken: a made-up mistake" in said) == (how == "raises")
+    assert "Traceback" not in done.stderr
+    assert outputs(CF) == {}
+    assert processes_of(project) == [Path(f"/proc/{os.getpid()}/cwd")]
