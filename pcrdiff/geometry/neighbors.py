@@ -1,7 +1,9 @@
-"""Which points are near which, in blocks so that memory grows with the number of points."""
+"""Which points are near which, in memory that grows with the number of points."""
 
+import numpy as np
 import torch
 from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
 from torch import Tensor
 
 BLOCK = 1 << 22
@@ -25,9 +27,31 @@ def nearest(
     Raises:
         ValueError: There are fewer than ``k`` points.
     """
+    if k > points.shape[1]:
+        raise ValueError(f"nearest needs at least k = {k} points, got {points.shape[1]}")
+    search = nearest_by_trees if points.device.type == "cpu" else nearest_by_distances
+    return search(queries.detach(), points.detach(), k)
+
+
+def nearest_by_trees(
+    queries: Float[Tensor, "batch n 3"], points: Float[Tensor, "batch m 3"], k: int
+) -> tuple[Float[Tensor, "batch n k"], Int[Tensor, "batch n k"]]:
+    """:func:`nearest` by a k-d tree of each cloud, in float64."""
+    ranks, workers = np.arange(1, k + 1), torch.get_num_threads()  # which change no answer
+    found = [
+        cKDTree(cloud.numpy()).query(asked.numpy(), ranks, workers=workers)
+        for asked, cloud in zip(queries, points, strict=True)
+    ]
+    distances = torch.from_numpy(np.stack([each for each, _ in found]))
+    index = torch.from_numpy(np.stack([each for _, each in found]))
+    return distances.square().to(points), index
+
+
+def nearest_by_distances(
+    queries: Float[Tensor, "batch n 3"], points: Float[Tensor, "batch m 3"], k: int
+) -> tuple[Float[Tensor, "batch n k"], Int[Tensor, "batch n k"]]:
+    """:func:`nearest` by all distances, a block at a time: what accelerators are good at."""
     batch, m, _ = points.shape
-    if k > m:
-        raise ValueError(f"nearest needs at least k = {k} points, got {m}")
     rows = max(1, BLOCK // (batch * m))
     blocks = [
         squared_distances(block, points).topk(k, dim=-1, largest=False)

@@ -5,6 +5,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from pcrdiff.geometry.neighbors import gather_points, nearest
+from pcrdiff.models.edge_mlp import pool_edges
 from pcrdiff.models.mlp import he_layers, he_linear
 
 
@@ -26,7 +27,7 @@ class DGCNN(nn.Module):
         self.neighbours = neighbours
 
     def forward(self, points: Float[Tensor, "batch n 3"]) -> Float[Tensor, "batch n dim"]:
-        """The points' features; cloud by cloud, for the edges of one just fit into the cache.
+        """The points' features.
 
         Raises:
             ValueError: There are fewer points than neighbours.
@@ -35,13 +36,5 @@ class DGCNN(nn.Module):
         centred = points - points.mean(dim=-2, keepdim=True)
         ends = gather_points(centred, index)
         edges = torch.cat([ends, centred.unsqueeze(-2).expand_as(ends)], dim=-1)
-        features: Tensor = self.join(torch.stack([self.pool(cloud) for cloud in edges]))
+        features: Tensor = self.join(pool_edges(edges, self.per_edge, range(len(self.per_edge))))
         return features
-
-    def pool(self, edges: Float[Tensor, "n k 6"]) -> Float[Tensor, "n pooled"]:
-        """Each layer's maximum over the edges of a point, side by side."""
-        maxima = []
-        for layer in self.per_edge:
-            edges = layer(edges).relu()
-            maxima.append(edges.amax(dim=-2))
-        return torch.cat(maxima, dim=-1)

@@ -1,11 +1,13 @@
 """Soft matches of two clouds: annealing parameters and Sinkhorn (Yew & Lee 2020, RPM-Net)."""
 
+from typing import Any
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
+from torch.autograd.function import once_differentiable
 from torch.nn.functional import pad, softplus
 
-from pcrdiff.geometry.neighbors import squared_distances
 from pcrdiff.geometry.procrustes import fit_rigid
 from pcrdiff.models.mlp import he_layers
 from pcrdiff.models.pointnet import PointNet
@@ -37,8 +39,11 @@ def match_scores(
     beta: Float[Tensor, " batch"],
 ) -> Float[Tensor, "batch n m"]:
     """``-beta (|f_x - f_y|^2 - alpha)``, the logarithm of the unnormalised matches."""
-    distances = squared_distances(source, target)
-    return -beta[:, None, None] * (distances - alpha[:, None, None])
+    beta_, alpha_ = beta[:, None, None], alpha[:, None, None]
+    squares, others = (f.square().sum(dim=-1, keepdim=True) for f in (source, target))
+    left = torch.cat([2 * beta_ * source, beta_ * (alpha_ - squares), torch.ones_like(squares)], -1)
+    right = torch.cat([target, torch.ones_like(others), -beta_ * others], -1)
+    return left @ right.mT
 
 
 def sinkhorn(scores: Float[Tensor, "batch n m"], iterations: int) -> Float[Tensor, "batch n m"]:
@@ -50,14 +55,68 @@ def sinkhorn(scores: Float[Tensor, "batch n m"], iterations: int) -> Float[Tenso
     is measured against its largest score, or against the slack where that is larger. A column
     never sums to more than 1, a row only until the iterations have settled.
     """
-    largest = scores.detach().amax(dim=-1, keepdim=True).clamp(min=0)
-    kernel = (scores - largest).exp()
-    slack = (-largest).exp().clamp(min=LEAST_SLACK)
-    columns = torch.ones_like(kernel[:, :1, :])
+    matches: Tensor = _Sinkhorn.apply(scores, iterations)  # type: ignore[no-untyped-call]
+    return matches
+
+
+class _Sinkhorn(torch.autograd.Function):
+    """Pair by pair, so that a pair's kernel stays in the cache through all iterations.
+
+    Every iteration adds to the kernel's gradient an outer product, of a row's scale and a column's;
+    backward they are collected and added at once, as one product of rank 2 x ``iterations``.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, scores: Tensor, iterations: int) -> Tensor:  # noqa: ANN401
+        kernels, matches = torch.empty_like(scores), torch.empty_like(scores)
+        scales = []
+        for score, kernel, match in zip(scores, kernels, matches, strict=True):
+            slack = _fill_kernel(score, kernel)
+            rows, columns = _iterate(kernel, slack, iterations)
+            torch.mul(kernel, columns[-1], out=match).mul_(rows[-1].unsqueeze(-1))
+            scales += [torch.stack(rows), torch.stack(columns)]
+        ctx.save_for_backward(kernels, *scales)
+        return matches
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:  # noqa: ANN401
+        kernels, *scales = ctx.saved_tensors
+        to_scores = torch.empty_like(kernels)
+        for pair, (rows, columns) in enumerate(zip(scales[::2], scales[1::2], strict=True)):
+            kernel, into = kernels[pair], to_scores[pair]
+            pull = torch.mul(kernel, gradient[pair], out=into)
+            to_rows, to_columns = pull @ columns[-1], rows[-1] @ pull
+            lefts, rights = [], []
+            for row, column, before in zip(
+                rows.flip(0), columns[1:].flip(0), columns[:-1].flip(0), strict=True
+            ):
+                to_columns = -to_columns * column.square()  # of the sum that column inverts
+                lefts, rights = [*lefts, row], [*rights, to_columns]
+                to_rows = -(to_rows + kernel @ to_columns) * row.square()
+                lefts, rights = [*lefts, to_rows], [*rights, before]
+                to_columns, to_rows = to_rows @ kernel, torch.zeros_like(to_rows)
+            torch.mul(gradient[pair], columns[-1], out=into).mul_(rows[-1].unsqueeze(-1))
+            into.addmm_(torch.stack(lefts, dim=1), torch.stack(rights)).mul_(kernel)
+        return to_scores, None
+
+
+def _fill_kernel(scores: Float[Tensor, "n m"], kernel: Float[Tensor, "n m"]) -> Float[Tensor, " n"]:
+    """Write ``exp(scores)``, each row over its largest value, and return the slack so measured."""
+    largest = scores.amax(dim=-1).clamp(min=0)
+    torch.sub(scores, largest.unsqueeze(-1), out=kernel).exp_()
+    return (-largest).exp().clamp(min=LEAST_SLACK)
+
+
+def _iterate(
+    kernel: Float[Tensor, "n m"], slack: Float[Tensor, " n"], iterations: int
+) -> tuple[list[Float[Tensor, " n"]], list[Float[Tensor, " m"]]]:
+    """The rows' and the columns' scales after each iteration, the columns' before the first too."""
+    rows, columns = [], [torch.ones_like(kernel[0])]
     for _ in range(iterations):
-        rows = 1 / (kernel @ columns.mT + slack)
-        columns = 1 / (rows.mT @ kernel + 1)
-    return rows * kernel * columns
+        rows.append(1 / (kernel @ columns[-1] + slack))
+        columns.append(1 / (rows[-1] @ kernel + 1))
+    return rows, columns
 
 
 def fit_matches(

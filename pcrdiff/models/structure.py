@@ -6,11 +6,15 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from pcrdiff.geometry.neighbors import BLOCK, estimate_normals, gather_points, nearest
+from pcrdiff.geometry.neighbors import estimate_normals, gather_points, nearest
 from pcrdiff.geometry.rigid import transform
+from pcrdiff.models.edge_mlp import pool_edges
 from pcrdiff.registration import Normals
 
 DESCRIPTOR_DIM, PAIR_DIM = 11, 10  # of EGST, of RPM-Net
+
+TRIPLETS = 1 << 18
+"""Of points whose cosines are held at once: 1 MiB in float32, about what a core's cache holds."""
 
 
 def split_normals(
@@ -33,7 +37,11 @@ def angle_between(
     a: Float[Tensor, "*batch 3"], b: Float[Tensor, "*batch 3"]
 ) -> Float[Tensor, "*batch"]:
     """Angle in [0, pi], accurate everywhere; 0 where a vector vanishes."""
-    return torch.atan2(torch.linalg.cross(a, b).norm(dim=-1), (a * b).sum(dim=-1))
+    (ax, ay, az), (bx, by, bz) = a.unbind(dim=-1), b.unbind(dim=-1)
+    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    cross = (x.square() + y.square() + z.square()).sqrt()
+    dot = ax * bx + ay * by + az * bz + 0.0  # -0 becomes 0, for a vector that vanishes
+    return torch.atan2(cross, dot)
 
 
 @dataclass(frozen=True)
@@ -150,18 +158,29 @@ def widest_angle(
     centre itself spans no angle, so one of its neighbours stands in its place. A neighbour that is
     the centre has a right angle.
     """
-    batch, n, k = index.shape
-    rows = max(1, BLOCK // (batch * k * n))
-    offset = nn.functional.normalize(gather_points(points, index) - points.unsqueeze(-2), dim=-1)
-    other = offset.norm(dim=-1).argmax(dim=-1)[..., None, None]
-    stand_in = offset.take_along_dim(other, dim=2).squeeze(2)
-    cosines = []
+    return torch.stack([_widest_angle(*cloud) for cloud in zip(points, index, strict=True)])
+
+
+def _widest_angle(points: Float[Tensor, "n 3"], index: Int[Tensor, "n k"]) -> Float[Tensor, "n k"]:
+    """:func:`widest_angle` of one cloud; buffers are few and used again, so that they stay hot."""
+    (n, k), axes = index.shape, points.mT.contiguous()
+    offset = nn.functional.normalize(points[index] - points.unsqueeze(1), dim=-1)
+    other = offset.norm(dim=-1).argmax(dim=-1)
+    stand_in = offset[torch.arange(n, device=points.device), other]
+    rows = min(n, max(1, TRIPLETS // (k * n)))
+    to_all, scale = points.new_empty(3, rows, n), points.new_empty(rows, n)
+    cosines, smallest = points.new_empty(rows, k, n), points.new_empty(n, k)
     for start in range(0, n, rows):
-        centres = points[:, start : start + rows]
-        to_all = nn.functional.normalize(points.unsqueeze(1) - centres.unsqueeze(2), dim=-1)
-        to_all.diagonal(start, 1, 2).copy_(stand_in[:, start : start + rows].mT)
-        cosines.append((offset[:, start : start + rows] @ to_all.mT).amin(dim=-1))
-    return torch.arccos(torch.cat(cosines, dim=1).clamp(-1, 1))
+        block = slice(start, min(start + rows, n))
+        here = slice(block.stop - start)
+        x, y, z = rays = to_all[:, here]
+        torch.sub(axes.unsqueeze(1), axes[:, block].unsqueeze(2), out=rays)
+        torch.mul(x, x, out=scale[here]).addcmul_(y, y).addcmul_(z, z)
+        rays.mul_(scale[here].clamp_(min=torch.finfo(points.dtype).tiny).rsqrt_())
+        rays[:, :, block].diagonal(0, 1, 2).copy_(stand_in[block].mT)
+        torch.bmm(offset[block], rays.transpose(0, 1), out=cosines[here])
+        torch.amin(cosines[here], dim=-1, out=smallest[block])
+    return smallest.clamp_(-1, 1).arccos_()
 
 
 class StructureEmbedding(nn.Module):
@@ -185,8 +204,5 @@ class StructureEmbedding(nn.Module):
 
     def forward(self, descriptors: Float[Tensor, "batch n k ins"]) -> Float[Tensor, "batch n dim"]:
         """The structured feature of each point."""
-        features = descriptors
-        for layer in self.per_neighbour:
-            features = layer(features).relu()
-        pooled: Tensor = self.per_point(features.max(dim=-2).values)
-        return pooled
+        features: Tensor = self.per_point(pool_edges(descriptors, self.per_neighbour, (2,)))
+        return features

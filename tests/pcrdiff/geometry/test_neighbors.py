@@ -1,9 +1,10 @@
 """Neighbourhoods: the same as SciPy's trees, whatever the blocks."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 import torch
-from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from pcrdiff.geometry import neighbors
@@ -11,10 +12,14 @@ from pcrdiff.geometry.neighbors import (
     estimate_normals,
     gather_points,
     nearest,
+    nearest_by_distances,
+    nearest_by_trees,
     squared_distances,
 )
 from pcrdiff.geometry.rigid import transform
 from tests.pcrdiff.made_up_clouds import lopsided_clouds, random_poses, seeded
+
+Search = Callable[[torch.Tensor, torch.Tensor, int], tuple[torch.Tensor, torch.Tensor]]
 
 
 def random_clouds(*shape: int, seed: int = 0) -> torch.Tensor:
@@ -35,21 +40,31 @@ def test_squared_distances_are_never_negative() -> None:
     assert (squared_distances(points, points) >= 0).all()
 
 
-def test_nearest_agrees_with_a_tree() -> None:
+@pytest.mark.parametrize("search", [nearest, nearest_by_trees, nearest_by_distances])
+def test_nearest_agrees_with_sorted_distances(search: Search) -> None:
     queries, points = random_clouds(2, 30, seed=3), random_clouds(2, 50, seed=4)
-    distances, index = nearest(queries, points, 6)
+    distances, index = search(queries, points, 6)
     for i in range(2):
-        expected, at = cKDTree(points[i].numpy()).query(queries[i].numpy(), 6)
-        np.testing.assert_allclose(distances[i].sqrt().numpy(), expected)
-        np.testing.assert_array_equal(index[i].numpy(), at)
+        expected = cdist(queries[i].numpy(), points[i].numpy(), "sqeuclidean")
+        np.testing.assert_array_equal(index[i].numpy(), expected.argsort(axis=1)[:, :6])
+        np.testing.assert_allclose(distances[i].numpy(), np.sort(expected)[:, :6])
 
 
-def test_nearest_does_not_depend_on_the_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_both_searches_find_the_one_nearest_point() -> None:
+    queries, points = random_clouds(2, 30, seed=3), random_clouds(2, 50, seed=4)
+    for ours, twin in zip(
+        nearest_by_trees(queries, points, 1), nearest_by_distances(queries, points, 1), strict=True
+    ):
+        assert ours.shape == (2, 30, 1)
+        torch.testing.assert_close(ours, twin)
+
+
+def test_distances_do_not_depend_on_the_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     queries, points = random_clouds(2, 31, seed=5), random_clouds(2, 50, seed=6)
-    whole = nearest(queries, points, 4)
+    whole = nearest_by_distances(queries, points, 4)
     for block in (1, 2 * 50 * 7):
         monkeypatch.setattr(neighbors, "BLOCK", block)
-        for part, expected in zip(nearest(queries, points, 4), whole, strict=True):
+        for part, expected in zip(nearest_by_distances(queries, points, 4), whole, strict=True):
             torch.testing.assert_close(part, expected)
 
 

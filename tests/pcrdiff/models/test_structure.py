@@ -140,7 +140,7 @@ def test_refuses_clouds_with_other_channels_than_the_normals_ask_for() -> None:
 def test_blocks_give_what_one_block_gives(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = describe(clouds(), RADIUS, K)
     for block in (1, 2 * K * 120 * 7):
-        monkeypatch.setattr(structure, "BLOCK", block)
+        monkeypatch.setattr(structure, "TRIPLETS", block)
         monkeypatch.setattr(neighbors, "BLOCK", block)
         torch.testing.assert_close(describe(clouds(), RADIUS, K), whole, atol=1e-7, rtol=0)
 
@@ -159,7 +159,7 @@ def test_no_tensor_grows_with_the_square_of_the_points(monkeypatch: pytest.Monke
             return result
 
     n, block = 600, 30_000
-    monkeypatch.setattr(structure, "BLOCK", block)
+    monkeypatch.setattr(structure, "TRIPLETS", block)
     monkeypatch.setattr(neighbors, "BLOCK", block)
     points = lopsided_clouds(1, n, generator=seeded(4))
     with Watch():  # type: ignore[no-untyped-call]
