@@ -24,7 +24,7 @@ def main(argv: list[str] | None = None) -> None:
     with journal(params=section.model_dump(), inputs=[args.raw]) as notes:
         made = preprocess(args.scenario, section, family, args.raw, seed=params.seed)
         write_pairs(args.pairs, made.splits, made.label, made.attributes)
-        notes.metrics({f"{name}_pairs": len(pairs) for name, pairs in made.splits.items()})
+        notes.metrics({f"{name}_pairs": split.count for name, split in made.splits.items()})
 
 
 if __name__ == "__main__":
