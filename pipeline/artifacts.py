@@ -7,8 +7,9 @@ import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import h5py
 import numpy as np
@@ -61,7 +62,8 @@ def write_json(path: Path, value: Mapping[str, object]) -> None:
 # Pairs.
 
 
-class Streamed(NamedTuple):
+@dataclass(frozen=True)
+class Streamed:
     """The pairs of a split as they come, and how many will."""
 
     count: int

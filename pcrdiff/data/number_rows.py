@@ -62,7 +62,7 @@ def _parse_decimals(
         numbers = _parse_digits(characters, ends, digits) if fits else None
     else:
         numbers = _parse_fractions(characters, starts, _points_of(ends, points), ends)
-    return None if numbers is None else np.negative(numbers, out=numbers, where=negative)
+    return None if numbers is None else np.where(negative, -numbers, numbers)
 
 
 def _points_of(ends: Places, points: Places) -> Places:
@@ -86,7 +86,8 @@ def _parse_fractions(
     if whole is None or fraction is None:
         return None
     scale = (10.0 ** np.arange(EXACT_DIGITS + 1))[decimals]
-    return (whole * scale + fraction) / scale
+    numbers: Float64[np.ndarray, " numbers"] = (whole * scale + fraction) / scale
+    return numbers
 
 
 def _parse_digits(
@@ -97,7 +98,7 @@ def _parse_digits(
     if last is None or lengths.max() <= WORD:
         return last
     first = _parse_word(characters, np.maximum(ends - WORD, WORD), np.maximum(lengths - WORD, 0))
-    return None if first is None else first * 10.0**WORD + last
+    return None if first is None else np.add(first * 10.0**WORD, last)
 
 
 def _parse_word(
@@ -112,7 +113,8 @@ def _parse_word(
     for bits, pairs in ((8, 0x00FF00FF00FF00FF), (16, 0x0000FFFF0000FFFF), (32, 0xFFFFFFFF)):
         tens = word * np.uint64(10 ** (bits // 8))
         word = (tens + (word >> np.uint64(bits))) & np.uint64(pairs)
-    return word.astype(np.float64)
+    numbers: Float64[np.ndarray, " numbers"] = word.astype(np.float64)
+    return numbers
 
 
 def _parse_any(text: bytes, count: int) -> Float64[np.ndarray, " numbers"] | None:
