@@ -1,14 +1,17 @@
 """Running a method over pairs, one by one, and counting where it failed."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
-from jaxtyping import Float64
+from jaxtyping import Float, Float64
 from torch import Tensor
 
 from pcrdiff.progress import Progress, silent
-from pcrdiff.registration import Method, Pairs
+from pcrdiff.registration import Method, Normals, Pairs
+from pcrdiff.spreading import Spread, in_turn
 
 
 @dataclass(frozen=True)
@@ -21,27 +24,84 @@ class Estimates:
     """Per pair why it failed, or nothing."""
 
 
-def evaluate(method: Method, pairs: Pairs, *, seed: int, progress: Progress = silent) -> Estimates:
+def evaluate(
+    method: Method,
+    pairs: Pairs,
+    *,
+    seed: int,
+    progress: Progress = silent,
+    spread: Spread = in_turn,
+) -> Estimates:
     """Register every pair by itself.
 
     Pair k draws from its own generator, seeded ``(seed, k)``, so that it is answered alike
-    whatever was registered before it. A method that raises on a pair is scored as having left
-    the source where it is, and the reason is kept.
+    whatever was registered before it, and wherever. A method that raises on a pair is scored as
+    having left the source where it is, and the reason is kept.
 
     Raises:
         ValueError: The method wants given normals, and the pairs hold none.
     """
-    source, target = pairs.clouds(getattr(method, "normals", "estimated"))
-    poses, failures = [], []
-    for k in progress(range(len(pairs)), method.name):
-        try:
-            pose = _register(method, (source[k : k + 1], target[k : k + 1]), k, seed)
-            failure = ""
-        except (ValueError, RuntimeError) as error:  # Open3D and LAPACK raise the latter
-            pose, failure = torch.eye(4, dtype=torch.float64), _reason(error)
-        poses.append(pose)
-        failures.append(failure)
-    return Estimates(torch.stack(poses), tuple(failures))
+    (estimates,) = evaluate_all([Task(method, seed)], pairs, progress=progress, spread=spread)
+    return estimates
+
+
+@dataclass(frozen=True)
+class Task:
+    """A method that is to answer pairs, with the seed of its draws."""
+
+    method: Method
+    seed: int
+
+
+def evaluate_all(
+    tasks: Sequence[Task], pairs: Pairs, *, progress: Progress = silent, spread: Spread = in_turn
+) -> list[Estimates]:
+    """What :func:`evaluate` gives for each task: one pair after the other, under all of them.
+
+    Raises:
+        ValueError: A method wants given normals, and the pairs hold none.
+    """
+    clouds = {
+        wanted: [cloud.numpy() for cloud in pairs.clouds(wanted)] for wanted in map(_normals, tasks)
+    }
+    numbers = range(len(pairs))
+    items = (
+        (k, {wanted: (p[k : k + 1], q[k : k + 1]) for wanted, (p, q) in clouds.items()})
+        for k in numbers
+    )
+    answers = spread(partial(_answer, tasks), items)
+    watched = progress(numbers, tasks[0].method.name)
+    by_task = zip(*(found for _, found in zip(watched, answers, strict=True)), strict=True)
+    return [_gather(found) for found in by_task]
+
+
+Answer = tuple[Float64[np.ndarray, "4 4"], str]
+"""A pose and why there is none."""
+
+
+def _normals(task: Task) -> Normals:
+    return getattr(task.method, "normals", "estimated")
+
+
+def _answer(
+    tasks: Sequence[Task], item: tuple[int, Mapping[Normals, Sequence[Float[np.ndarray, "1 n c"]]]]
+) -> list[Answer]:
+    """One pair under all tasks, which are shown the same tensors."""
+    k, arrays = item
+    clouds = {wanted: tuple(map(torch.from_numpy, pair)) for wanted, pair in arrays.items()}
+    return [_answer_task(task, clouds[_normals(task)], k) for task in tasks]
+
+
+def _answer_task(task: Task, pair: tuple[Tensor, ...], k: int) -> Answer:
+    try:
+        return _register(task, pair, k).numpy(), ""
+    except (ValueError, RuntimeError) as error:  # Open3D and LAPACK raise the latter
+        return np.eye(4), _reason(error)
+
+
+def _gather(answers: Sequence[Answer]) -> Estimates:
+    poses, failures = zip(*answers, strict=True)
+    return Estimates(torch.from_numpy(np.stack(poses)), failures)
 
 
 def _reason(error: Exception) -> str:
@@ -49,12 +109,10 @@ def _reason(error: Exception) -> str:
     return next(iter(str(error).splitlines()), "") or type(error).__name__
 
 
-def _register(
-    method: Method, pair: tuple[Tensor, Tensor], k: int, seed: int
-) -> Float64[Tensor, "4 4"]:
-    state = np.random.SeedSequence([seed, k]).generate_state(1, np.uint64)[0]
+def _register(task: Task, pair: tuple[Tensor, ...], k: int) -> Float64[Tensor, "4 4"]:
+    state = np.random.SeedSequence([task.seed, k]).generate_state(1, np.uint64)[0]
     generator = torch.Generator().manual_seed(int(state >> np.uint64(1)))
-    pose = method.register(*pair, generator=generator)
+    pose = task.method.register(*pair, generator=generator)
     if not torch.isfinite(pose).all():
-        raise ValueError(f"{method.name} answered with a pose that is not finite")
+        raise ValueError(f"{task.method.name} answered with a pose that is not finite")
     return pose[0].double()

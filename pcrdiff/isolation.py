@@ -23,6 +23,10 @@ class Isolated:
         self.name, self.seconds = name, seconds
         self._child: _Child | None = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Copies and pickles have no child yet: it is of this process."""
+        return {**self.__dict__, "_child": None}
+
     def call(self, function: Callable[..., Any], *arguments: object) -> Any:  # noqa: ANN401
         """``function(*arguments)``, computed in the child; all of it must be picklable.
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from pcrdiff.data.corruption import jitter
@@ -16,11 +17,11 @@ from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.evaluation import Estimates
 from pcrdiff.registration import Pairs
 from pipeline.artifacts import read_pairs
-from pipeline.evaluating import answer, load_learned, load_settings
+from pipeline.evaluating import answer, answer_all, load_learned, load_settings
 from pipeline.params import Diffusion, Params, learned_names
 from pipeline.seeding import stream
 from pipeline.variants import TRAINED, setting_of, variants, weights_of
-from pipeline.walking import load_diffused
+from pipeline.walking import Diffused, load_diffused
 
 Answers = Mapping[str, Mapping[str, Estimates]]
 """By method, then by the varied value."""
@@ -43,21 +44,51 @@ class Given:
         A pair of clouds is encoded once for all of them.
         """
         weights, (walk, _) = self.models / f"{name}.safetensors", next(iter(walks.values()))
-        method = load_diffused(name, self.params.methods, walk, weights)
-        encode, encoded = method.encode, dict[tuple[int, int], Any]()
+        method = EncodesOnce(load_diffused(name, self.params.methods, walk, weights))
+        drawn = {
+            setting: (Walker(name, method, Walk(**walk.model_dump())), draw)
+            for setting, (walk, draw) in walks.items()
+        }
+        return answer_all(self.params, drawn, test)
 
-        def encode_once(source: Tensor, target: Tensor) -> Any:  # noqa: ANN401  the method's own
-            key = source.data_ptr(), target.data_ptr()
-            if key not in encoded:
-                encoded[key] = encode(source, target)
-            return encoded[key]
 
-        answers = {}
-        method.encode = encode_once  # type: ignore[method-assign]
-        for setting, (walk, draw) in walks.items():
-            method.walk = Walk(**walk.model_dump())
-            answers[setting] = answer(self.params, method, test, draw)
-        return answers
+class EncodesOnce:
+    """A method that remembers how it encoded the pair that it was shown last."""
+
+    def __init__(self, method: Diffused) -> None:
+        self.method, self._last = method, tuple[Any, ...]()
+
+    def encode(self, source: Tensor, target: Tensor) -> Any:  # noqa: ANN401  the method's own
+        """As the method does; these very tensors only once."""
+        if not self._last or self._last[0] is not source or self._last[1] is not target:
+            encode = type(self.method).encode
+            self._last = source, target, encode(self.method, source, target)  # type: ignore[arg-type]
+        return self._last[2]
+
+
+@dataclass
+class Walker:
+    """A trained method under one of several walks that share what it encodes."""
+
+    name: str
+    shared: EncodesOnce
+    walk: Walk
+
+    def register(
+        self,
+        source: Float[Tensor, "batch n 3"],
+        target: Float[Tensor, "batch m 3"],
+        *,
+        generator: torch.Generator,
+    ) -> Float[Tensor, "batch 4 4"]:
+        """As :class:`pcrdiff.registration.Method` asks."""
+        method = self.shared.method
+        method.walk = self.walk
+        method.encode = self.shared.encode  # type: ignore[method-assign]
+        try:
+            return method.register(source, target, generator=generator)
+        finally:
+            del method.encode  # what is pickled has none of this
 
 
 def ablate_variants(name: str, given: Given) -> tuple[Pairs, Answers]:

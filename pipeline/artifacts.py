@@ -5,10 +5,11 @@ import io
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import h5py
 import numpy as np
@@ -34,11 +35,18 @@ NORMALS = ("source_normals", "target_normals")
 
 def write_atomically(path: Path, content: bytes) -> None:
     """Write ``path`` whole or not at all, making its folder if need be."""
+    with written_beside(path) as file:
+        file.write(content)
+
+
+@contextmanager
+def written_beside(path: Path) -> Iterator[BinaryIO]:
+    """A file that becomes ``path`` when all is written, and goes where something is raised."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
+        with os.fdopen(handle, "w+b") as file:
+            yield file
         Path(name).chmod(0o644)  # mkstemp's own mode is 0600
         Path(name).replace(path)
     except BaseException:
@@ -54,33 +62,62 @@ def write_json(path: Path, value: Mapping[str, object]) -> None:
 # Pairs.
 
 
+@dataclass(frozen=True)
+class Streamed:
+    """The pairs of a split as they come, and how many will."""
+
+    count: int
+    blocks: Iterable[Pairs]
+
+
 def write_pairs(
     path: Path,
-    splits: Mapping[str, Pairs],
+    splits: Mapping[str, Streamed],
     label: str,
     attributes: Mapping[str, Any],
 ) -> None:
-    """Write a pair file; the same pairs give the same bytes.
+    """Write a pair file block by block; the same pairs give the same bytes, however they are cut.
 
     Args:
         path: The ``.h5`` file.
         splits: ``train``, ``val`` and ``test``.
         label: What a pair's group is called: ``category`` or ``scene``.
         attributes: ``scenario``, ``unit``, ``seed`` and ``provenance``, a JSON object.
+
+    Raises:
+        ValueError: A split has not as many pairs as it said, or none.
+        OSError: The disk is full, say; then there is no file, or the one that was there.
     """
-    memory = io.BytesIO()
-    with h5py.File(memory, "w", libver=("v110", "v110")) as file:
+    with written_beside(path) as disk, h5py.File(disk, "w", libver=("v110", "v110")) as file:
         for name in ("scenario", "unit", "seed"):
             file.attrs[name] = attributes[name]
         file.attrs["schema"] = PAIR_SCHEMA
         file.attrs["provenance"] = json.dumps(attributes["provenance"], sort_keys=True)
         for name in SPLITS:
-            pairs, group = splits[name], file.create_group(name)
-            for field in (*KINDS, *NORMALS):
-                if getattr(pairs, field) is not None:
-                    group.create_dataset(field, data=getattr(pairs, field).numpy())
-            group.create_dataset(label, data=list(pairs.group), dtype=h5py.string_dtype())
-    write_atomically(path, memory.getvalue())
+            _write_split(file.create_group(name), splits[name], label)
+
+
+def _write_split(group: h5py.Group, streamed: Streamed, label: str) -> None:
+    written, groups = 0, list[str]()
+    for block in streamed.blocks:
+        for field in (*KINDS, *NORMALS):
+            values = getattr(block, field)
+            if values is not None:
+                _write_rows(group, field, written, values.numpy(), streamed.count)
+        written += len(block)
+        groups += block.group
+    if written != streamed.count or not written:
+        raise ValueError(f"{group.name} needs its {streamed.count} pairs, got {written}")
+    group.create_dataset(label, data=groups, dtype=h5py.string_dtype())
+
+
+def _write_rows(
+    group: h5py.Group, name: str, start: int, rows: np.ndarray[Any, Any], count: int
+) -> None:
+    """Write some rows of a dataset of ``count``, which takes its place in the file at the first."""
+    if start == 0:
+        group.create_dataset(name, (count, *rows.shape[1:]), rows.dtype)
+    group[name][start : start + len(rows)] = rows
 
 
 def read_pairs(path: Path, split: str) -> Pairs:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from pcrdiff.evaluation import Estimates, evaluate
+from pcrdiff.evaluation import Estimates, Task, evaluate_all
 from pcrdiff.metrics import error_r_deg, error_t
 from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.artifacts import read_pairs, read_weights
@@ -13,6 +13,7 @@ from pipeline.params import Diffusion, Params
 from pipeline.progress import bar
 from pipeline.sections import SettingName
 from pipeline.seeding import stream
+from pipeline.spreading import spread_over
 from pipeline.variants import AS_IT_IS, Variant
 
 
@@ -26,7 +27,7 @@ def evaluate_method(
     """
     settings = load_settings(params, name, pairs, weights)
     test = read_pairs(pairs, "test")
-    return test, {setting: answer(params, method, test) for setting, method in settings.items()}
+    return test, answer_all(params, {s: (method, 0) for s, method in settings.items()}, test)
 
 
 def load_settings(
@@ -45,13 +46,26 @@ def load_settings(
     }
 
 
-def answer(params: Params, method: Method, test: Pairs, draw: int = 0) -> Estimates:
-    """Register the test pairs, each from its own seed, the same for every method.
+def answer(params: Params, method: Method, test: Pairs) -> Estimates:
+    """Register the test pairs, each from its own seed, the same for every method."""
+    (estimates,) = answer_all(params, {"": (method, 0)}, test).values()
+    return estimates
 
-    Another ``draw`` has seeds of its own.
+
+def answer_all(
+    params: Params, drawn: Mapping[str, tuple[Method, int]], test: Pairs
+) -> dict[str, Estimates]:
+    """Register the test pairs under each setting: a method and the number of its draw.
+
+    Another draw than 0 has seeds of its own.
     """
-    purpose = "evaluate" if draw == 0 else f"evaluate/{draw}"
-    return evaluate(method, test, seed=stream(params.seed, purpose), progress=bar)
+    tasks = [
+        Task(method, stream(params.seed, "evaluate" if draw == 0 else f"evaluate/{draw}"))
+        for method, draw in drawn.values()
+    ]
+    spread = spread_over(params.compute, params.threads)
+    found = evaluate_all(tasks, test, progress=bar, spread=spread)
+    return dict(zip(drawn, found, strict=True))
 
 
 def load_learned(

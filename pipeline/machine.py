@@ -2,11 +2,13 @@
 
 import ctypes
 import os
+import signal
 import sys
 
 import torch
 
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_MAX = -1, -2, -4  # glibc's mallopt
+_PR_SET_PDEATHSIG = 1  # of Linux's prctl
 
 
 def settle(threads: int) -> None:
@@ -26,3 +28,9 @@ def settle(threads: int) -> None:
         libc.mallopt(_M_MMAP_MAX, 0)
         libc.mallopt(_M_TRIM_THRESHOLD, 2**31 - 1)
         libc.mallopt(_M_TOP_PAD, 2**29)
+
+
+def end_with_parent() -> None:
+    """Let this process be killed when the one that started it dies, however that dies."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

@@ -35,6 +35,15 @@ class Run(Section):
     """Name of the tables under ``reports/``."""
 
 
+class Compute(Section):
+    """Where independent work is done: pairs made, registered, ablated. No result depends on it."""
+
+    workers: Count
+    """One-threaded processes on this machine; of those with several ``threads`` there are fewer."""
+    scheduler: Annotated[str, Field(pattern=r"^(tcp|tls)://\S+:\d+$")] | None
+    """Address of a ``dask scheduler`` whose workers do it instead."""
+
+
 class Archive(Section):
     """A public archive; without a sha256 it is fetched and refused with the digest it has."""
 
@@ -242,6 +251,7 @@ class Params(Section):
     profile: str
     seed: Annotated[int, Field(ge=0)]
     threads: Count
+    compute: Compute
     run: Run
     acquire: dict[str, Acquire]
     scenarios: dict[str, Scenario]

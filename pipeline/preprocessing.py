@@ -1,14 +1,16 @@
 """From a raw data set to the pairs of a scenario, and a record of how they were made."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from pcrdiff.data import kitti, modelnet40, threedmatch
 from pcrdiff.data.acquisition import read_manifest, read_source
 from pcrdiff.data.raw import RawItem
-from pcrdiff.data.scenarios import Corruption, Split, make_pairs, split_items
+from pcrdiff.data.scenarios import Corruption, Split, choose_shown, make_pairs, split_items
 from pcrdiff.registration import Pairs
+from pcrdiff.spreading import Spread, in_turn
+from pipeline.artifacts import Streamed
 from pipeline.invocation import project_root
 from pipeline.params import Scenario
 from pipeline.progress import bar
@@ -31,18 +33,27 @@ SYNTHETIC_LICENCE = "MIT, made by this project"
 class Preprocessed:
     """The content of a pair file; see ``pipeline.artifacts.write_pairs``."""
 
-    splits: Mapping[str, Pairs]
+    splits: Mapping[str, Streamed]
+    """Made as they are written."""
     label: str
     attributes: Mapping[str, object]
 
 
-def preprocess(name: str, scenario: Scenario, family: str, raw: Path, *, seed: int) -> Preprocessed:
-    """Make the pairs of one scenario.
+def preprocess(
+    name: str,
+    scenario: Scenario,
+    family: str,
+    raw: Path,
+    *,
+    seed: int,
+    spread: Spread = in_turn,
+) -> Preprocessed:
+    """List the pairs of one scenario; each is made when it is asked for.
 
     Raises:
         FileNotFoundError: The raw data set is not there, or a file of it is gone.
         ValueError: A raw file is malformed, too small for the scenario, or lacks normals that the
-            scenario wants given.
+            scenario wants given: also while the pairs are made.
     """
     items = READERS[family](read_manifest(raw, base=project_root()))
     chosen = split_items(items, Split(**scenario.split.model_dump()))
@@ -56,16 +67,12 @@ def preprocess(name: str, scenario: Scenario, family: str, raw: Path, *, seed: i
         scenario.keep,
         scenario.normals,
     )
-    counts = scenario.pairs.model_dump()
-    try:
-        splits = {
-            split: make_pairs(
-                items, index, counts[split], corruption, [stream(seed, f"{name}/{split}")], bar
-            )
-            for split, index in chosen.items()
-        }
-    except ValueError as error:
-        raise ValueError(f"{scenario.dataset}: {error}") from error
+    splits = {}
+    for split, index in chosen.items():
+        seeds = [stream(seed, f"{name}/{split}")]
+        shown = choose_shown(index, getattr(scenario.pairs, split), seeds)
+        blocks = make_pairs(items, shown, corruption, seeds, bar, spread)
+        splits[split] = Streamed(len(shown), _of(scenario.dataset, blocks))
     source, sha256 = read_source(raw)
     provenance = {
         "dataset": scenario.dataset,
@@ -78,3 +85,11 @@ def preprocess(name: str, scenario: Scenario, family: str, raw: Path, *, seed: i
     label = "category" if family == "modelnet40" else "scene"
     attributes = {"scenario": name, "unit": "unit sphere", "seed": seed, "provenance": provenance}
     return Preprocessed(splits, label, attributes)
+
+
+def _of(dataset: str, blocks: Iterator[Pairs]) -> Iterator[Pairs]:
+    """The same blocks; what is wrong with one is said of the data set."""
+    try:
+        yield from blocks
+    except ValueError as error:
+        raise ValueError(f"{dataset}: {error}") from error

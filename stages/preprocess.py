@@ -6,6 +6,7 @@ from pathlib import Path
 from pipeline.artifacts import write_pairs
 from pipeline.params import pick, read_params
 from pipeline.preprocessing import preprocess
+from pipeline.spreading import spread_over
 from pipeline.stage import run
 from pipeline.tracking import journal
 
@@ -22,9 +23,10 @@ def main(argv: list[str] | None = None) -> None:
     section = pick(params.scenarios, args.scenario, "scenarios")
     family = params.acquire[section.dataset].family
     with journal(params=section.model_dump(), inputs=[args.raw]) as notes:
-        made = preprocess(args.scenario, section, family, args.raw, seed=params.seed)
+        spread = spread_over(params.compute, threads=1)  # a pair has no work for more
+        made = preprocess(args.scenario, section, family, args.raw, seed=params.seed, spread=spread)
         write_pairs(args.pairs, made.splits, made.label, made.attributes)
-        notes.metrics({f"{name}_pairs": len(pairs) for name, pairs in made.splits.items()})
+        notes.metrics({f"{name}_pairs": split.count for name, split in made.splits.items()})
 
 
 if __name__ == "__main__":

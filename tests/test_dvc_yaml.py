@@ -27,6 +27,7 @@ from tests.tiny import lay_out, run_instance, standing_in, tiny_params
 
 GLUE = {
     "pcrdiff.progress": "watches loops, changes none",
+    "pcrdiff.spreading": "says that a loop may be run elsewhere, and nothing of what it does",
     "pipeline.building": "hands params to methods; a new method must not retrain the old ones",
     "pipeline.checkpoints": "keeps what a training gives it, and gives it back",
     "pipeline.invocation": "finds the project and names the run",
@@ -36,6 +37,7 @@ GLUE = {
     "pipeline.params": "hands over params.yaml, whose keys DVC watches by themselves",
     "pipeline.progress": "draws bars",
     "pipeline.records": "reads journals for MLflow",
+    "pipeline.spreading": "runs loops elsewhere; tests hold that the results are the same bytes",
     "pipeline.restored": "tells MLflow what DVC took from its cache",
     "pipeline.stage": "says how a stage ended",
     "pipeline.tracking": "writes journals",
@@ -45,6 +47,10 @@ WIRING = {
     "pcrdiff.diffusion.sampling": "`Walk` carries params into the learned methods, which import it",
 }
 """What ``pipeline.building`` imports for some methods only, besides the methods themselves."""
+PLACE = {
+    "compute": "where work is done: tests hold that the results are the same bytes",
+}
+"""Params that change no result, so that no stage declares them; and why."""
 CODE = ("pcrdiff/", "pipeline/", "stages/")
 NAMES = ("--dataset", "--scenario", "--method", "--name", "--variant")
 """The options whose values are names, not paths."""
@@ -169,7 +175,7 @@ TINY = by_name(expand(tiny_params()))
 
 @pytest.mark.parametrize("name", TINY)
 def test_every_param_that_is_read_is_declared(reads: dict[str, Reads], name: str) -> None:
-    declared = TINY[name].content["params"]
+    declared = [*TINY[name].content["params"], *PLACE]
     missing = {key for key in reads[name] if not any(lies_under(key, d) for d in declared)}
     assert not missing, f"{name} reads params that dvc.yaml does not name: {sorted(missing)}"
 
@@ -185,6 +191,15 @@ def test_every_param_that_is_declared_is_read_or_names_a_path(
         is_read = any(lies_under(r, key) for name, key in declared.items() for r in reads[name])
         is_named = bool({*declared.values()} & {*VARIABLE.findall(written)})
         assert is_read or is_named, f"{template} declares {declared} and reads none of it"
+
+
+def test_no_stage_declares_where_its_work_is_done_though_some_read_it(
+    reads: dict[str, Reads],
+) -> None:
+    declared = {key for instance in INSTANCES for key in instance.content["params"]}
+    assert not {key for key in declared if any(lies_under(key, place) for place in PLACE)}
+    read = set().union(*reads.values())
+    assert all(any(lies_under(key, place) for key in read) for place in PLACE)
 
 
 def test_the_recording_sees_what_is_read(reads: dict[str, Reads]) -> None:

@@ -35,7 +35,9 @@ def jitter(
     Normals stay as they are: given ones are those of the clean surface.
     """
     noise = generator.normal(0.0, deviation, (len(points), 3))
-    return np.hstack([points[:, :3] + np.clip(noise, -clip, clip), points[:, 3:]])
+    noisy = points.copy()
+    noisy[:, :3] += np.clip(noise, -clip, clip, out=noise)
+    return noisy
 
 
 def crop(
@@ -51,8 +53,10 @@ def crop(
     if not 0 < keep <= 1:
         raise ValueError(f"crop needs keep in (0, 1], got {keep}")
     direction = generator.normal(size=3)
-    order = np.argsort(points[:, :3] @ direction, kind="stable")
     count = int(np.ceil(keep * len(points) - 1e-9))  # 0.55 * 100 is a little above 55
+    if count == len(points):
+        return points
+    order = np.argsort(points[:, :3] @ direction, kind="stable")
     kept = np.sort(order[len(points) - count :])
     return points[kept]
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from pcrdiff.data.number_rows import DIGITS, parse_rows
 from pcrdiff.data.raw import Mesh, check_cloud
 
 
@@ -23,7 +24,41 @@ def read_off(path: Path) -> Mesh:
     """
     if not path.is_file():
         raise FileNotFoundError(f"read_off needs a mesh file, {path} is missing")
-    lines = _read_lines(path)
+    content = path.read_bytes()
+    return _read_plain(content, path) or _read_any(content, path)
+
+
+# As most files are: numbers alone, a vertex or a triangle a line. Parsed in one call each.
+
+
+def _read_plain(content: bytes, path: Path) -> Mesh | None:
+    """Read a mesh without comments, blank lines, polygons or colours; None where it has any.
+
+    Also None where anything is wrong with it: ``_read_any`` says what.
+    """
+    header, _, body = content.partition(b"\n")
+    if header.strip() == b"OFF":
+        header, _, body = body.partition(b"\n")
+    counts = header.strip().removeprefix(b"OFF").split()
+    if len(counts) < 2 or not all(map(bytes.isdigit, counts)):
+        return None
+    num_vertices, num_faces = int(counts[0]), int(counts[1])
+    line_ends = np.flatnonzero(np.frombuffer(body + b"\n", np.uint8) == ord("\n"))
+    if num_vertices == 0 or num_faces == 0 or len(line_ends) < num_vertices + num_faces:
+        return None
+    middle, end = line_ends[num_vertices - 1] + 1, line_ends[num_vertices + num_faces - 1]
+    vertices = parse_rows(body[:middle], num_vertices, 3)
+    faces = parse_rows(body[middle:end], num_faces, 4, DIGITS)
+    if vertices is None or faces is None or (faces[:, 0] != 3).any():
+        return None
+    return _checked(check_cloud(vertices, str(path)), faces[:, 1:].astype(np.int64), path)
+
+
+# With everything that the format allows, line by line.
+
+
+def _read_any(content: bytes, path: Path) -> Mesh:
+    lines = _split_lines(content)
     num_vertices, num_faces, start = _read_header(lines, path)
     if len(lines) < start + num_vertices + num_faces:
         raise ValueError(
@@ -32,16 +67,22 @@ def read_off(path: Path) -> Mesh:
         )
     vertices = _read_vertices(lines[start : start + num_vertices], path)
     faces = _read_faces(lines[start + num_vertices :][:num_faces], path)
-    if faces.min() < 0 or faces.max() >= num_vertices:
+    return _checked(vertices, faces, path)
+
+
+def _checked(
+    vertices: Float64[np.ndarray, "v 3"], faces: Int64[np.ndarray, "f 3"], path: Path
+) -> Mesh:
+    if faces.min() < 0 or faces.max() >= len(vertices):
         raise ValueError(
-            f"{path} needs faces of vertices 0..{num_vertices - 1}, "
+            f"{path} needs faces of vertices 0..{len(vertices) - 1}, "
             f"got {faces.min()}..{faces.max()}"
         )
     return Mesh(vertices=vertices, faces=faces)
 
 
-def _read_lines(path: Path) -> list[str]:
-    text = path.read_text(encoding="utf-8", errors="replace")
+def _split_lines(content: bytes) -> list[str]:
+    text = content.decode("utf-8", errors="replace")
     lines = text.splitlines()
     if "#" in text:
         lines = [line.partition("#")[0] for line in lines]

@@ -152,13 +152,15 @@ def _sample(
 def _sample_mesh(
     mesh: Mesh, count: int, generator: np.random.Generator
 ) -> Float64[np.ndarray, "count 6"]:
-    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
-    normals = np.cross(b - a, c - a)
+    a, b, c = (mesh.vertices.take(mesh.faces[:, corner], axis=0) for corner in range(3))
+    b -= a
+    c -= a
+    normals = np.cross(b, c)
     areas = np.linalg.norm(normals, axis=-1)
     if not areas.sum() > 0:
         raise ValueError(f"sample_points needs a mesh with area, got {len(areas)} flat faces")
     chosen = generator.choice(len(areas), count, p=areas / areas.sum())
     u, v = generator.random((2, count, 1))
     u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
-    points = a[chosen] + u * (b - a)[chosen] + v * (c - a)[chosen]
+    points = a[chosen] + u * b[chosen] + v * c[chosen]
     return np.hstack([points, normals[chosen] / areas[chosen, None]])

@@ -1,7 +1,8 @@
 """The paper's settings: which items make which split, and how an item becomes a pair."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -21,6 +22,10 @@ from pcrdiff.data.corruption import (
 from pcrdiff.data.raw import Mesh, RawItem, sample_oriented, sample_points
 from pcrdiff.progress import Progress, silent
 from pcrdiff.registration import SPLITS, Normals, Pairs
+from pcrdiff.spreading import Spread, in_turn
+
+BLOCK = 16
+"""Pairs that are made, handed over and written together."""
 
 
 @dataclass(frozen=True)
@@ -158,34 +163,59 @@ def make_pair(
 
 def make_pairs(
     items: Sequence[RawItem],
-    index: Sequence[int],
-    count: int | None,
+    shown: Sequence[int],
     corruption: Corruption,
     seed: Sequence[int],
     progress: Progress = silent,
-) -> Pairs:
-    """``count`` pairs of the items at ``index``, or one of each where ``count`` is None.
+    spread: Spread = in_turn,
+) -> Iterator[Pairs]:
+    """A pair of each item that is ``shown``, in blocks of at most ``BLOCK``; few are held at once.
 
-    Pair k shows item ``index[k % len(index)]`` after a shuffle and draws from its own generator,
-    seeded ``(*seed, k)``: it does not depend on which pairs were made before.
+    Pair k draws from its own generator, seeded ``(*seed, k)``: it does not depend on which pairs
+    were made before, nor where.
 
     Raises:
         ValueError: An item cannot be read, is too small, or lacks normals that are to be given;
             the sentence names it.
     """
-    order = np.random.default_rng(seed).permutation(index) if count is not None else list(index)
-    shown = [int(order[k % len(order)]) for k in range(len(order) if count is None else count)]
+    numbers = range(0, len(shown), BLOCK)
+    blocks = (
+        [(k, items[shown[k]]) for k in range(len(shown))[start : start + BLOCK]]
+        for start in numbers
+    )
+    made = spread(partial(_make_block, corruption=corruption, seed=seed), blocks)
+    watched = progress(numbers, f"pairs, {BLOCK} at a time")
+    for start, block in zip(watched, made, strict=True):
+        index = shown[start : start + BLOCK]
+        source, target, poses, *normals = map(torch.from_numpy, block)
+        group = tuple(items[i].group for i in index)
+        yield Pairs(source, target, poses, torch.tensor(index), group, *normals)
+
+
+def choose_shown(index: Sequence[int], count: int | None, seed: Sequence[int]) -> list[int]:
+    """Which of the items at ``index`` each of ``count`` pairs shows; None shows each once.
+
+    Pair k shows item ``index[k % len(index)]`` after a shuffle.
+    """
+    if count is None:
+        return list(index)
+    order = np.random.default_rng(seed).permutation(index)
+    return [int(order[k % len(order)]) for k in range(count)]
+
+
+def _make_block(
+    numbered: Sequence[tuple[int, RawItem]], corruption: Corruption, seed: Sequence[int]
+) -> list[np.ndarray]:
+    """Sources, targets and poses of some pairs, and both clouds' normals where they are given."""
     made = []
-    for k, i in enumerate(progress(shown, "pairs")):
+    for k, item in numbered:
         generator = np.random.default_rng([*seed, k])
         try:
-            made.append(make_pair(items[i].read(), corruption, generator=generator))
+            made.append(make_pair(item.read(), corruption, generator=generator))
         except ValueError as error:
-            raise ValueError(f"no pair of {items[i].name}: {error}") from error
-    sources, targets, poses = (torch.from_numpy(np.stack(part)) for part in zip(*made, strict=True))
-    source, *source_normals = torch.split(sources.float(), 3, dim=-1)  # none where none are given
-    target, *target_normals = torch.split(targets.float(), 3, dim=-1)
-    group = tuple(items[i].group for i in shown)
-    return Pairs(
-        source, target, poses, torch.tensor(shown), group, *source_normals, *target_normals
-    )
+            raise ValueError(f"no pair of {item.name}: {error}") from error
+    *clouds, poses = (np.stack(part) for part in zip(*made, strict=True))
+    source, target = (cloud.astype(np.float32) for cloud in clouds)
+    if corruption.normals == "estimated":
+        return [source, target, poses]
+    return [source[..., :3], target[..., :3], poses, source[..., 3:], target[..., 3:]]

@@ -1,0 +1,143 @@
+"""Where independent work is done: in this process, in several of this machine, on other machines."""
+
+import pickle
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import lru_cache, partial
+from multiprocessing import get_context
+from threading import get_ident
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from pcrdiff.spreading import Item, Result, Spread, in_turn
+from pipeline.machine import end_with_parent, settle
+from pipeline.params import Compute
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+Output = TypeVar("Output", covariant=True)
+AHEAD = 4
+"""Items that are on their way to a worker, in one, or back: with them memory stays bounded."""
+PATIENCE_S = 10
+"""How long a scheduler, and a worker of it, is waited for."""
+
+
+class _Future(Protocol[Output]):
+    def result(self) -> Output: ...
+
+
+def spread_over(compute: Compute, threads: int) -> Spread:
+    """How work is spread: over a scheduler's workers, ``compute.workers`` processes, or not at all.
+
+    A worker computes in ``threads`` threads, as this process would: where these are several, there
+    are fewer workers.
+    """
+    if compute.scheduler is not None:
+        return partial(_over_machines, compute.scheduler, threads)
+    processes = compute.workers // threads
+    return in_turn if processes <= 1 else partial(_over_processes, processes, threads)
+
+
+def _in_order(
+    submit: Callable[[Item], _Future[Result]], items: Iterable[Item], ahead: int
+) -> Iterator[Result]:
+    """The results in the order of the items, of which at most ``ahead`` are under way."""
+    waiting: deque[_Future[Result]] = deque()
+    for item in items:
+        waiting.append(submit(item))
+        if len(waiting) == ahead:
+            yield waiting.popleft().result()
+    while waiting:
+        yield waiting.popleft().result()
+
+
+# On this machine.
+
+
+def _over_processes(
+    processes: int, threads: int, function: Callable[[Item], Result], items: Iterable[Item]
+) -> Iterator[Result]:
+    """One-threaded workers are forks, there at once; OpenMP's threads would not survive that."""
+    context = get_context("fork" if threads == 1 else "spawn")
+    told = (pickle.dumps(function), threads)
+    pool = ProcessPoolExecutor(processes, context, _start_worker, told)
+    try:
+        yield from _in_order(lambda item: pool.submit(_call_here, item), items, AHEAD * processes)
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+_here: list[Callable[[Any], Any]] = []
+"""In a worker of this machine, the function it is for."""
+
+
+def _start_worker(pickled: bytes, threads: int) -> None:
+    end_with_parent()
+    settle(threads)
+    _here[:] = [pickle.loads(pickled)]
+
+
+def _call_here(item: Any) -> Any:  # noqa: ANN401  as the function
+    return _here[0](item)
+
+
+# On other machines.
+
+
+def _over_machines(
+    scheduler: str, threads: int, function: Callable[[Item], Result], items: Iterable[Item]
+) -> Iterator[Result]:
+    from distributed import KilledWorker
+
+    with _connected(scheduler) as client:
+        (pickled,) = client.scatter([pickle.dumps(function)], broadcast=True)  # type: ignore[no-untyped-call]
+        submit = partial(client.submit, _call_there, pickled, threads, pure=False)
+        try:
+            ahead = AHEAD * sum(client.nthreads().values())  # type: ignore[no-untyped-call]
+            yield from _in_order(submit, items, ahead)
+        except KilledWorker as error:
+            raise RuntimeError(f"the workers of {scheduler} died of a task: {error}") from error
+
+
+@contextmanager
+def _connected(scheduler: str) -> "Iterator[Client]":
+    """A scheduler that answers and has a worker.
+
+    Raises:
+        ConnectionError: It does not, or has none.
+    """
+    from distributed import Client
+
+    try:
+        client = Client(  # type: ignore[no-untyped-call]
+            scheduler, timeout=PATIENCE_S, set_as_default=False
+        )
+    except (OSError, ValueError) as error:
+        raise ConnectionError(
+            f"compute.scheduler needs a `dask scheduler`, none answers at {scheduler} "
+            f"within {PATIENCE_S} s"
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE_S)
+        except TimeoutError as error:
+            raise ConnectionError(
+                f"compute.scheduler {scheduler} needs a `dask worker {scheduler}`, "
+                f"it has none for {PATIENCE_S} s"
+            ) from error
+        yield client
+
+
+def _call_there(pickled: bytes, threads: int, item: Any) -> Any:  # noqa: ANN401  as the function
+    return _prepared(pickled, threads, get_ident())(item)
+
+
+@lru_cache(maxsize=8)
+def _prepared(pickled: bytes, threads: int, thread: int) -> Callable[[Any], Any]:
+    """The function, once for each of a worker's threads: what is settled is the thread's own."""
+    del thread
+    settle(threads)
+    function: Callable[[Any], Any] = pickle.loads(pickled)
+    return function
