@@ -302,6 +302,8 @@ def _tags(record: Record) -> dict[str, str]:
     tags |= _pipeline_tags(record.pipeline)
     tags |= {_key(f"input.{path}"): md5 for path, md5 in record.inputs.items()}
     tags |= {_key(f"output.{path}"): md5 for path, md5 in record.outputs.items()}
+    if record.processor:
+        tags["pcrdiff.processor"] = record.processor
     if record.restored:
         tags["pcrdiff.restored"] = "true"
     if record.error:

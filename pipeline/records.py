@@ -40,6 +40,8 @@ class Record:
     status: str
     """``FINISHED``, ``FAILED``, ``RUNNING``, or ``KILLED``: no end, and nobody holds the lock."""
     error: str
+    processor: str
+    """Of the machine it ran on; empty if it did not run."""
     restored: bool
     """True if DVC took the stage's outputs from its cache, or found them unchanged."""
 
@@ -86,6 +88,7 @@ def read_record(folder: Path) -> Record | None:
         end=(end or events[-1])["time"],
         status=status,
         error=end["error"] if end else "",
+        processor=first.get("processor", ""),
         restored=bool(first.get("restored")),
     )
 

@@ -9,6 +9,7 @@ Writing it never makes a stage fail: what cannot be written becomes a warning on
 import hashlib
 import json
 import os
+import platform
 import secrets
 import shutil
 import sys
@@ -107,7 +108,8 @@ def journal(*, params: Mapping[str, object], inputs: Sequence[Path] = ()) -> Ite
     """
     stage = os.environ.get("DVC_STAGE") or Path(sys.argv[0]).stem or "python"
     notes = Journal(journals_folder(project_root()) / new_id(stage))
-    notes.append(header(stage, current_pipeline(), params, _digests(inputs)))
+    start = header(stage, current_pipeline(), params, _digests(inputs))
+    notes.append({**start, "processor": processor()})
     try:
         yield notes
     except SystemExit as error:
@@ -159,6 +161,18 @@ def content_md5(path: Path) -> str:
 def _counts(file: Path) -> bool:
     """Tell whether a file is part of its folder's contents: bytecode is not."""
     return file.is_file() and "__pycache__" not in file.parts
+
+
+def processor() -> str:
+    """Return the name of this machine's processor; what it computes may hang on it."""
+    try:
+        described = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = [
+        line.partition(":")[2].strip() for line in described.splitlines() if "model name" in line
+    ]
+    return names[0] if names else platform.machine()
 
 
 def _digests(inputs: Sequence[Path]) -> dict[str, str]:

@@ -54,7 +54,7 @@ class PCRNet(LearnedMethod):
         """
         source, target = centre(pairs.source), centre(pairs.target)
         target_features = self.encoder(target)
-        T = torch.eye(4, dtype=torch.float64).expand(len(source), 4, 4)
+        T = torch.eye(4, dtype=torch.float64, device=source.device).expand(len(source), 4, 4)
         terms = []
         for _ in range(self.train_updates):
             T = self.update(T.detach(), source, target_features)
@@ -78,7 +78,7 @@ class PCRNet(LearnedMethod):
         check_clouds(self.name, source, target)
         source_mean, target_mean = source.mean(dim=-2).double(), target.mean(dim=-2).double()
         target_features = self.encoder(centre(target))
-        T = torch.eye(4, dtype=torch.float64).expand(len(source), 4, 4)
+        T = torch.eye(4, dtype=torch.float64, device=source.device).expand(len(source), 4, 4)
         for _ in range(self.updates):
             T = self.update(T, centre(source), target_features)
         R, t = T[:, :3, :3], T[:, :3, 3]

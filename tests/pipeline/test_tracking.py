@@ -18,7 +18,7 @@ from pipeline.invocation import (
     project_root,
 )
 from pipeline.records import Record, read_record, waiting_records
-from pipeline.tracking import content_md5, journal, journals_folder
+from pipeline.tracking import content_md5, journal, journals_folder, processor
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -52,6 +52,7 @@ def test_a_journal_holds_what_the_stage_noted(project: Path) -> None:
     assert record.stage == "train@toy"
     assert (record.status, record.error, record.restored) == ("FINISHED", "", False)
     assert record.params == {"train": {"epochs": 2}}
+    assert record.processor == processor() != ""
     assert record.inputs == {"in.txt": "900150983cd24fb0d6963f7d28e17f72"}  # RFC 1321, A.5
     assert [(p.name, p.value, p.step) for p in record.points] == [
         ("loss", 1.0, 0),
