@@ -69,5 +69,5 @@ def make_clouds(
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     source = torch.from_numpy(directions * SEMI_AXES)
     pose = draw_pose(MAX_ROTATION, MAX_TRANSLATION, generator=generator)
-    target = transform(torch.from_numpy(pose), source[:, generator.permutation(points)])
+    target = transform(torch.from_numpy(pose)[None], source[:, generator.permutation(points)])
     return source.float(), target.float()

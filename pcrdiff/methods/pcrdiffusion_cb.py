@@ -1,4 +1,13 @@
-"""PCRDiffusion, correspondence-based: the paper's Fig. 3, EGST's decoder told a noisy pose."""
+"""PCRDiffusion, correspondence-based: the paper's Fig. 3, EGST's decoder told a noisy pose.
+
+Memory. What a training step keeps for its backward pass, in bytes of float32, is::
+
+    4 batch (N M + (N + M) (11 k + 22 dim + 24))
+
+and what ``AnnealingNet`` keeps: Sinkhorn's kernel, the descriptors of k neighbours a point, and the
+layers that act on points. Layers that act on edges keep nothing (``pcrdiff.models.edge_mlp``), nor
+do Sinkhorn's iterations. A registration keeps no N x M: it grows with N + M.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
