@@ -147,8 +147,14 @@ def check_clouds(
             )
         if not torch.isfinite(cloud).all():
             raise ValueError(f"{who} needs finite points, got a {name} cloud with NaN or infinity")
-        distinct = min((len(torch.unique(item, dim=0)) for item in cloud[..., :3]), default=0)
+        distinct = min((_count_distinct(item, minimum) for item in cloud[..., :3]), default=0)
         if distinct < minimum:
             raise ValueError(
                 f"{who} needs at least {minimum} distinct points, got a {name} cloud of {distinct}"
             )
+
+
+def _count_distinct(points: Float[Tensor, "n 3"], enough: int) -> int:
+    """How many points are distinct, exactly if fewer than ``enough``; the first few may suffice."""
+    few = len(torch.unique(points[: 2 * enough], dim=0))
+    return few if few >= enough else len(torch.unique(points, dim=0))

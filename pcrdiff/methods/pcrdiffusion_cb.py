@@ -1,7 +1,16 @@
-"""PCRDiffusion, correspondence-based: the paper's Fig. 3, EGST's decoder told a noisy pose."""
+"""PCRDiffusion, correspondence-based: the paper's Fig. 3, EGST's decoder told a noisy pose.
+
+Memory. What a training step keeps for its backward pass, in bytes of float32, is::
+
+    4 batch (N M + (N + M) (11 k + 22 dim + 24))
+
+and what ``AnnealingNet`` keeps: Sinkhorn's kernel, the descriptors of k neighbours a point, and the
+layers that act on points. Layers that act on edges keep nothing (``pcrdiff.models.edge_mlp``), nor
+do Sinkhorn's iterations. A registration keeps no N x M: it grows with N + M.
+"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 
 import torch
@@ -15,23 +24,11 @@ from pcrdiff.diffusion.schedule import cosine_alphas_bar
 from pcrdiff.geometry.representation import RepresentationName
 from pcrdiff.losses import diffusion_loss, matching_losses
 from pcrdiff.models.attention import CrossCloudAttention
-from pcrdiff.models.matching import AnnealingNet, fit_matches, match_scores, sinkhorn
+from pcrdiff.models.matching import AnnealingNet, Matchable, fit_matches
 from pcrdiff.models.pose_encoder import Diffusion, make_pose_encoder
 from pcrdiff.models.pose_space import PoseSpace, Scaling
 from pcrdiff.models.structure import StructureEmbedding, describe
 from pcrdiff.registration import LearnedMethod, Pairs, check_clouds
-
-
-@dataclass(frozen=True)
-class Encoded:
-    """A pair of clouds, described once and used at every step."""
-
-    source: Float[Tensor, "batch n 3"]
-    target: Float[Tensor, "batch m 3"]
-    source_features: Float[Tensor, "batch n dim"]
-    target_features: Float[Tensor, "batch m dim"]
-    alpha: Float[Tensor, " batch"]
-    beta: Float[Tensor, " batch"]
 
 
 class PCRDiffusionCB(LearnedMethod):
@@ -67,19 +64,19 @@ class PCRDiffusionCB(LearnedMethod):
 
     def encode(
         self, source: Float[Tensor, "batch n 3"], target: Float[Tensor, "batch m 3"]
-    ) -> Encoded:
-        """Describe and embed both clouds, and read the annealing parameters off them."""
+    ) -> Matchable:
+        """Describe and embed both clouds, and read off the annealing; used at every step."""
         source_features, target_features = (
             self.embedding(describe(cloud, self.radius, self.neighbours))
             for cloud in (source, target)
         )
         alpha, beta = self.annealing(source, target)
-        return Encoded(source, target, source_features, target_features, alpha, beta)
+        return Matchable(source, target, source_features, target_features, alpha, beta)
 
-    def match(
-        self, x_t: Float[Tensor, "batch entries"], t: Int[Tensor, " batch"], encoded: Encoded
-    ) -> Float[Tensor, "batch n m"]:
-        """Soft matches given a noisy pose.
+    def tell(
+        self, x_t: Float[Tensor, "batch entries"], t: Int[Tensor, " batch"], encoded: Matchable
+    ) -> Matchable:
+        """The clouds' features once both clouds have heard of each other and of a noisy pose.
 
         F_t joins the source's features before the transformer: after it, an offset that all
         points of a cloud share would cancel in Sinkhorn's rows (reports/DEVIATIONS.md).
@@ -87,13 +84,17 @@ class PCRDiffusionCB(LearnedMethod):
         pose_features = self.pose_encoder(x_t, t).unsqueeze(1)
         source_features = encoded.source_features + pose_features
         target_features = encoded.target_features
-        scores = match_scores(
-            self.attention(source_features, target_features),
-            self.attention(target_features, source_features),
-            encoded.alpha,
-            encoded.beta,
+        return replace(
+            encoded,
+            source_features=self.attention(source_features, target_features),
+            target_features=self.attention(target_features, source_features),
         )
-        return sinkhorn(scores, self.sinkhorn_iterations)
+
+    def match(
+        self, x_t: Float[Tensor, "batch entries"], t: Int[Tensor, " batch"], encoded: Matchable
+    ) -> Float[Tensor, "batch n m"]:
+        """Soft matches given a noisy pose."""
+        return self.tell(x_t, t, encoded).matches(self.sinkhorn_iterations)
 
     def loss(self, pairs: Pairs, *, generator: torch.Generator) -> Mapping[str, Float[Tensor, ""]]:
         """Eq. (15), and RPM-Net's losses where the paper says "identical to EGST's"."""
@@ -122,8 +123,7 @@ class PCRDiffusionCB(LearnedMethod):
         return walk_back(denoise, source, target, self.space, self.walk, generator=generator)
 
     def denoise(
-        self, x_t: Float[Tensor, "batch entries"], t: Int[Tensor, " batch"], encoded: Encoded
+        self, x_t: Float[Tensor, "batch entries"], t: Int[Tensor, " batch"], encoded: Matchable
     ) -> Float[Tensor, "batch entries"]:
         """f_theta: predict G_0 from G_t, by the pose that fits the matches (Eq. 1)."""
-        matches = self.match(x_t, t, encoded)
-        return self.space.encode(fit_matches(encoded.source, encoded.target, matches))
+        return self.space.encode(self.tell(x_t, t, encoded).fit(self.sinkhorn_iterations))

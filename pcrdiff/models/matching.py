@@ -1,5 +1,7 @@
 """Soft matches of two clouds: annealing parameters and Sinkhorn (Yew & Lee 2020, RPM-Net)."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -8,6 +10,7 @@ from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 from torch.nn.functional import pad, softplus
 
+from pcrdiff.geometry.neighbors import BLOCK
 from pcrdiff.geometry.procrustes import fit_rigid
 from pcrdiff.models.mlp import he_layers
 from pcrdiff.models.pointnet import PointNet
@@ -39,11 +42,21 @@ def match_scores(
     beta: Float[Tensor, " batch"],
 ) -> Float[Tensor, "batch n m"]:
     """``-beta (|f_x - f_y|^2 - alpha)``, the logarithm of the unnormalised matches."""
+    left, right = _score_factors(source, target, alpha, beta)
+    return left @ right.mT
+
+
+def _score_factors(
+    source: Float[Tensor, "batch n dim"],
+    target: Float[Tensor, "batch m dim"],
+    alpha: Float[Tensor, " batch"],
+    beta: Float[Tensor, " batch"],
+) -> tuple[Float[Tensor, "batch n dim+2"], Float[Tensor, "batch m dim+2"]]:
+    """Whose product the scores are: all of ``|x|^2 - 2 xy + |y|^2`` in one sum of products."""
     beta_, alpha_ = beta[:, None, None], alpha[:, None, None]
     squares, others = (f.square().sum(dim=-1, keepdim=True) for f in (source, target))
     left = torch.cat([2 * beta_ * source, beta_ * (alpha_ - squares), torch.ones_like(squares)], -1)
-    right = torch.cat([target, torch.ones_like(others), -beta_ * others], -1)
-    return left @ right.mT
+    return left, torch.cat([target, torch.ones_like(others), -beta_ * others], -1)
 
 
 def sinkhorn(scores: Float[Tensor, "batch n m"], iterations: int) -> Float[Tensor, "batch n m"]:
@@ -87,7 +100,8 @@ class _Sinkhorn(torch.autograd.Function):
             kernel, into = kernels[pair], to_scores[pair]
             pull = torch.mul(kernel, gradient[pair], out=into)
             to_rows, to_columns = pull @ columns[-1], rows[-1] @ pull
-            lefts, rights = [], []
+            lefts: list[Tensor] = []
+            rights: list[Tensor] = []
             for row, column, before in zip(
                 rows.flip(0), columns[1:].flip(0), columns[:-1].flip(0), strict=True
             ):
@@ -128,9 +142,77 @@ def fit_matches(
 
     Yew & Lee 2020, Eqs. 4-5. A point that matches nothing pulls at nothing.
     """
-    weights = matches.sum(dim=-1)
-    matched = (matches @ target) / (weights.unsqueeze(-1) + 1e-5)
-    return fit_rigid(source, matched, weights + 1e-8)
+    return _fit_sums(source, matches @ target, matches.sum(dim=-1))
+
+
+def _fit_sums(
+    source: Float[Tensor, "batch n 3"],
+    pulls: Float[Tensor, "batch n 3"],
+    weights: Float[Tensor, "batch n"],
+) -> Float[Tensor, "batch 4 4"]:
+    """:func:`fit_matches`, given what each row of the matches says and its sum."""
+    return fit_rigid(source, pulls / (weights.unsqueeze(-1) + 1e-5), weights + 1e-8)
+
+
+@dataclass(frozen=True)
+class Matchable:
+    """Two clouds and what their soft matches are made of."""
+
+    source: Float[Tensor, "batch n 3"]
+    target: Float[Tensor, "batch m 3"]
+    source_features: Float[Tensor, "batch n dim"]
+    target_features: Float[Tensor, "batch m dim"]
+    alpha: Float[Tensor, " batch"]
+    beta: Float[Tensor, " batch"]
+
+    def matches(self, iterations: int) -> Float[Tensor, "batch n m"]:
+        """:func:`sinkhorn` of the scores, all of them at once."""
+        features = self.source_features, self.target_features
+        return sinkhorn(match_scores(*features, self.alpha, self.beta), iterations)
+
+    def fit(self, iterations: int) -> Float[Tensor, "batch 4 4"]:
+        """:func:`fit_matches` of :meth:`matches`; without a graph, in memory linear in N + M."""
+        n, m = self.source.shape[1], self.target.shape[1]
+        if torch.is_grad_enabled() or n * m <= BLOCK:
+            return fit_matches(self.source, self.target, self.matches(iterations))
+        factors = _score_factors(self.source_features, self.target_features, self.alpha, self.beta)
+        pairs = zip(*factors, self.target, strict=True)
+        sums = torch.stack([_sum_matches(*pair, iterations) for pair in pairs])
+        return _fit_sums(self.source, sums[..., :3], sums[..., 3])
+
+
+def _sum_matches(
+    left: Float[Tensor, "n factors"],
+    right: Float[Tensor, "m factors"],
+    target: Float[Tensor, "m 3"],
+    iterations: int,
+) -> Float[Tensor, "n 4"]:
+    """Each row of the matches times the target's points, and its sum.
+
+    The kernel is computed anew in each iteration, a block of rows at a time; what lasts are the
+    scales of rows and columns.
+    """
+    columns = torch.ones_like(right[:, 0])
+    for _ in range(iterations):
+        rows, total = [], torch.ones_like(columns)
+        for slack, kernel in _kernels(left, right):
+            rows.append(1 / (kernel @ columns + slack))
+            total += rows[-1] @ kernel
+        columns = 1 / total
+    points = columns.unsqueeze(-1) * nn.functional.pad(target, (0, 1), value=1.0)
+    sums = [kernel @ points for _, kernel in _kernels(left, right)]
+    return torch.cat(rows).unsqueeze(-1) * torch.cat(sums)
+
+
+def _kernels(
+    left: Float[Tensor, "n factors"], right: Float[Tensor, "m factors"]
+) -> Iterator[tuple[Float[Tensor, " rows"], Float[Tensor, "rows m"]]]:
+    """The slack and the kernel of each block of rows; the next kernel overwrites the last one."""
+    rows = max(1, BLOCK // len(right))
+    buffer = left.new_empty(min(rows, len(left)), len(right))
+    for block in torch.split(left, rows):
+        kernel = torch.mm(block, right.mT, out=buffer[: len(block)])
+        yield _fill_kernel(kernel, kernel), kernel
 
 
 def fit_pointers(

@@ -1,13 +1,17 @@
 """What is particular to the correspondence-based method."""
 
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
 import pytest
 import torch
 from torch import Tensor
 
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.geometry.rigid import transform
+from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose, true_matches
-from tests.pcrdiff.methods.made_up_methods import make_cb
+from tests.pcrdiff.methods.made_up_methods import WALK, make_cb
 
 
 def test_matches_have_a_row_a_source_point_and_a_column_a_target_point() -> None:
@@ -73,3 +77,36 @@ def test_the_right_pose_has_no_point_loss_and_inliers_weigh_a_hundredth(
     assert terms["points"] < 1e-3
     # each row and each column falls short by one half
     assert terms["inliers"].item() == pytest.approx(0.01 * (0.5 + 0.5))
+
+
+def kept_bytes(compute: Callable[[], object], weights: Iterable[Tensor]) -> int:
+    """What a graph keeps besides the weights, each storage once."""
+    known = {each.untyped_storage().data_ptr() for each in weights}
+    kept: dict[int, Tensor] = {}
+
+    def pack(tensor: Tensor) -> Tensor:
+        kept[tensor.untyped_storage().data_ptr()] = tensor  # which also keeps the place taken
+        return tensor
+
+    with torch.autograd.graph.saved_tensors_hooks(pack, lambda tensor: tensor):
+        result = compute()
+    total = sum(t.untyped_storage().nbytes() for at, t in kept.items() if at not in known)
+    del result
+    return total
+
+
+@pytest.mark.parametrize(
+    ("batch", "n", "m", "k", "dim"),
+    [(2, 200, 200, 4, 8), (1, 300, 150, 16, 64), (3, 90, 120, 8, 32)],
+)
+def test_a_training_step_keeps_what_the_formula_says(
+    batch: int, n: int, m: int, k: int, dim: int
+) -> None:
+    method = PCRDiffusionCB(WALK, dim, k, 0.4, 5, "quaternion", "raw", "with")
+    pairs = made_up_pairs(batch, max(n, m), generator=seeded(6))
+    pairs = replace(pairs, source=pairs.source[:, :n], target=pairs.target[:, :m])
+    weights = [*method.parameters()]
+    step = kept_bytes(lambda: method.loss(pairs, generator=seeded(7)), weights)
+    annealing = kept_bytes(lambda: method.annealing(pairs.source, pairs.target), weights)
+    expected = 4 * batch * (n * m + (n + m) * (11 * k + 22 * dim + 24))
+    assert abs(step - annealing - expected) < 0.1 * expected

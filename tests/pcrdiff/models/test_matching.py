@@ -1,5 +1,7 @@
 """Soft matches: against a slow twin, and where they must lead."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from torch import Tensor
@@ -7,13 +9,16 @@ from torch import Tensor
 from pcrdiff.geometry.procrustes import fit_rigid
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.metrics import error_r_deg
+from pcrdiff.models import matching
 from pcrdiff.models.matching import (
     AnnealingNet,
+    Matchable,
     fit_matches,
     fit_pointers,
     match_scores,
     sinkhorn,
 )
+from tests.pcrdiff.largest_tensor import LargestTensor
 from tests.pcrdiff.made_up_clouds import (
     lopsided_clouds,
     made_up_pairs,
@@ -208,3 +213,44 @@ def test_half_a_match_weighs_half() -> None:
     half = fit_matches(pairs.source, pairs.target, 0.5 * matches)
     whole = fit_matches(pairs.source, pairs.target, matches)
     torch.testing.assert_close(half, whole, atol=1e-4, rtol=0)
+
+
+def matchable(n: int = 60, m: int = 45) -> Matchable:
+    source = lopsided_clouds(2, n, generator=seeded(12)).double()
+    target = lopsided_clouds(2, m, generator=seeded(13)).double()
+    g = seeded(14)
+    source_features = torch.randn(2, n, 16, generator=g, dtype=torch.float64)
+    target_features = torch.randn(2, m, 16, generator=g, dtype=torch.float64)
+    alpha = torch.tensor([0.5, 2.0], dtype=torch.float64)
+    beta = torch.tensor([0.3, 1.5], dtype=torch.float64)
+    return Matchable(source, target, source_features, target_features, alpha, beta)
+
+
+@pytest.mark.parametrize("iterations", [1, 5])
+@pytest.mark.parametrize("block", [1, 45 * 7, 45 * 60])
+def test_a_fit_in_blocks_is_the_fit_of_all_matches(
+    iterations: int, block: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = matchable()
+    expected = fit_matches(problem.source, problem.target, problem.matches(iterations))
+    monkeypatch.setattr(matching, "BLOCK", block)
+    with torch.no_grad():
+        torch.testing.assert_close(problem.fit(iterations), expected)
+
+
+def test_a_fit_with_a_graph_passes_gradients_to_the_features() -> None:
+    problem = replace(matchable(), source_features=matchable().source_features.requires_grad_())
+    torch.autograd.backward(problem.fit(2).square().sum())
+    assert problem.source_features.grad is not None
+    assert problem.source_features.grad.abs().max() > 0
+
+
+def test_nothing_grows_with_both_clouds_where_no_graph_is_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(matching, "BLOCK", 4_000)
+    with torch.no_grad(), LargestTensor() as watch:
+        matchable(500, 400).fit(5)
+    assert (
+        watch.entries <= 500 * (16 + 16 + 2) * 2
+    )  # features of both clouds; 500 * 400 is 6 times it

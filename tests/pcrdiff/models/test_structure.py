@@ -3,7 +3,6 @@
 import pytest
 import torch
 from torch import Tensor
-from torch.utils._python_dispatch import TorchDispatchMode
 
 from pcrdiff.geometry import neighbors
 from pcrdiff.geometry.neighbors import estimate_normals, nearest
@@ -18,6 +17,7 @@ from pcrdiff.models.structure import (
     split_normals,
     widest_angle,
 )
+from tests.pcrdiff.largest_tensor import LargestTensor
 from tests.pcrdiff.made_up_clouds import lopsided_clouds, random_poses, seeded
 
 RADIUS, K = 0.4, 8
@@ -146,24 +146,13 @@ def test_blocks_give_what_one_block_gives(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_no_tensor_grows_with_the_square_of_the_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    largest = 0
-
-    class Watch(TorchDispatchMode):  # type: ignore[no-untyped-call]
-        def __torch_dispatch__(self, func, types, args=(), kwargs=None):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN204
-            nonlocal largest
-            del types
-            result = func(*args, **(kwargs or {}))
-            for tensor in result if isinstance(result, list | tuple) else (result,):
-                if isinstance(tensor, Tensor):
-                    largest = max(largest, tensor.untyped_storage().nbytes() // tensor.itemsize)
-            return result
-
     n, block = 600, 30_000
     monkeypatch.setattr(structure, "TRIPLETS", block)
     monkeypatch.setattr(neighbors, "BLOCK", block)
     points = lopsided_clouds(1, n, generator=seeded(4))
-    with Watch():  # type: ignore[no-untyped-call]
+    with LargestTensor() as watch:
         describe(points, RADIUS, K)
+    largest = watch.entries
     assert n * K * 11 <= largest <= 2 * n * K * 11  # the answer itself; n * n * K is 50 times that
     assert n * K * n > 20 * largest
 

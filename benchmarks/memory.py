@@ -1,0 +1,73 @@
+"""Peak memory of a registration against the size of the clouds: what grows, and how fast."""
+
+import multiprocessing
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from pcrdiff.data.corruption import draw_pose
+from pcrdiff.geometry.rigid import transform
+from pipeline.building import build_learned, settings_of
+from pipeline.machine import settle
+from pipeline.params import read_params
+from pipeline.timing import resident
+
+POINTS = (512, 1024, 2048, 4096, 8192, 16384)
+SEMI_AXES = (0.9, 0.6, 0.4)  # of the ellipsoid that is registered
+MAX_ROTATION, MAX_TRANSLATION = np.pi / 4, 1.0  # the paper's
+
+
+@dataclass(frozen=True)
+class MemoryRow:
+    """One registration, the first and last thing that its process did."""
+
+    points: int
+    """Of the source, and as many of the target."""
+    peak_mib: float
+    """Resident memory of the process at its highest, with all its libraries."""
+    seconds: float
+    """Of the registration."""
+
+
+def measure_memory(
+    method: str = "pcrdiffusion_cb", points: Sequence[int] = POINTS
+) -> list[MemoryRow]:
+    """Register two clouds of each size, each in a fresh process, by an untrained network.
+
+    The network is that of ``params.yaml`` in the current folder, in its last setting: the walk
+    of ``diffusion``, or as many updates as its authors made.
+    """
+    with multiprocessing.get_context("spawn").Pool(1, maxtasksperchild=1) as pool:
+        return pool.map(partial(register_once, method), points, chunksize=1)
+
+
+def register_once(method: str, points: int) -> MemoryRow:
+    """Register in this process, which should have done nothing before."""
+    params = read_params()
+    settle(params.threads)
+    torch.manual_seed(params.seed)
+    setting = settings_of(method, params.methods)[-1]
+    network = build_learned(method, setting, params.methods, params.diffusion).eval()
+    source, target = make_clouds(points, params.seed)
+    start = time.perf_counter()
+    network.register(source, target, generator=torch.Generator().manual_seed(params.seed))
+    return MemoryRow(points, resident("VmHWM"), time.perf_counter() - start)
+
+
+def make_clouds(
+    points: int, seed: int
+) -> tuple[Float[Tensor, "1 points 3"], Float[Tensor, "1 points 3"]]:
+    """Points on an ellipsoid, and the same points moved and in another order."""
+    generator = np.random.default_rng(seed)
+    directions = generator.normal(size=(1, points, 3))
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    source = torch.from_numpy(directions * SEMI_AXES)
+    pose = draw_pose(MAX_ROTATION, MAX_TRANSLATION, generator=generator)
+    target = transform(torch.from_numpy(pose)[None], source[:, generator.permutation(points)])
+    return source.float(), target.float()
