@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from pcrdiff.models import pointnet
 from pipeline.benchmark_files import Ratio
 
-SEARCH_PRECISION = "float32"
-"""Of the search for a cloud's critical points, and of the maxima at inference."""
+SEARCH_PRECISION = "bfloat16" if getattr(pointnet, "BFLOAT16", False) else "float32"
+"""Of the search for a cloud's critical points on this processor."""
 
 
 @dataclass(frozen=True)
