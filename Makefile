@@ -4,7 +4,7 @@ BIN := .venv/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PLAYWRIGHT_BROWSERS_PATH ?= $(CURDIR)/.venv/browsers
 
-.PHONY: setup repro browser test check ui real clean lock
+.PHONY: setup repro browser test check ui real bench clean lock
 
 setup: .venv/ready
 
@@ -44,6 +44,10 @@ ui: setup  ## browse the runs
 
 real: setup  ## the pipeline on real data: PCRDIFF_REAL_DATA, or ../shared/data
 	$(BIN)/pcrdiff real
+
+bench: setup  ## speed beside others on this machine, to benchmarks/*.csv; leave it alone meanwhile
+	$(BIN)/pcrdiff repro $$($(BIN)/python -m benchmarks --stages)
+	$(BIN)/python -m benchmarks
 
 clean:
 	rm -rf .venv

@@ -1,4 +1,4 @@
-"""DVC stage ``report``: results, curves and pairs -> everything under ``reports/``."""
+"""DVC stage ``report``: results, curves, pairs and benchmarks -> everything under ``reports/``."""
 
 import argparse
 import sys
@@ -16,7 +16,7 @@ from pipeline.tracking import journal
 def main(argv: list[str] | None = None) -> None:
     """Read the folders, make the report, write its files, and bring MLflow up to date."""
     parser = argparse.ArgumentParser(description=__doc__)
-    for name in ("results", "models", "pairs"):
+    for name in ("results", "models", "pairs", "benchmarks"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     for name in ("table", "markdown", "latex", "page", "figures", "summary"):
         parser.add_argument(f"--{name}", type=Path, required=True)
@@ -28,6 +28,7 @@ def main(argv: list[str] | None = None) -> None:
             args.results,
             args.models,
             args.pairs,
+            args.benchmarks,
             profile=params.profile,
             provenance=read_provenance(Path.cwd()),
         )

@@ -51,6 +51,10 @@ PLACE = {
     "compute": "where work is done: tests hold that the results are the same bytes",
 }
 """Params that change no result, so that no stage declares them; and why."""
+COMMITTED = {
+    "benchmarks": "tables of `make bench`, measured by hand on one machine: no stage makes them",
+}
+"""Inputs that lie in the repository, and why."""
 CODE = ("pcrdiff/", "pipeline/", "stages/")
 NAMES = ("--dataset", "--scenario", "--method", "--name", "--variant")
 """The options whose values are names, not paths."""
@@ -254,8 +258,15 @@ def test_every_dep_that_is_no_code_is_in_the_command_and_made_by_another_stage(n
     instance = by_name(INSTANCES)[name]
     data = [dep for dep in instance.deps if not dep.startswith(CODE)]
     assert [dep for dep in data if dep not in instance.argv] == []
-    made = {out for each in INSTANCES for out in each.outs}
+    made = {out for each in INSTANCES for out in each.outs} | COMMITTED.keys()
     assert [dep for dep in data if not any(Path(out).is_relative_to(dep) for out in made)] == []
+
+
+def test_a_committed_input_is_there_and_its_code_is_not_seen_by_dvc() -> None:
+    ignored = (REPOSITORY / ".dvcignore").read_text().split()
+    for folder in COMMITTED:
+        assert (REPOSITORY / folder).is_dir()
+        assert f"/{folder}/*.py" in ignored
 
 
 def test_a_command_runs_the_file_it_depends_on() -> None:

@@ -10,7 +10,9 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
+from pipeline.benchmark_files import Benchmarks
 from pipeline.reporting.background import PairFacts, Training
+from pipeline.reporting.benchmark_figures import benchmark_figures, in_order, latency_name
 from pipeline.reporting.figures import (
     KINDS,
     Figure,
@@ -45,6 +47,7 @@ from pipeline.reporting.tables import RESAMPLES, Row
 from pipeline.reporting.views import (
     HEADINGS,
     MARKS,
+    NOISY,
     NOT_BELOW_ICP,
     Line,
     Table,
@@ -80,6 +83,8 @@ class Contents:
     """The pairs of those walks, by scenario and index; a scenario without them is left out."""
     scores: Sequence[Scores] = ()
     provenance: Provenance | None = None
+    benchmarks: Benchmarks | None = None
+    """What `make bench` measured, on whichever machine; None where it did not."""
 
 
 def render_page(contents: Contents) -> str:
@@ -108,6 +113,9 @@ def render_page(contents: Contents) -> str:
         ABLATIONS=ABLATIONS,
         UNSEEN_OBJECTS=UNSEEN_OBJECTS,
         best=best,
+        BENCHED=NOISY,
+        in_order=in_order,
+        latency_name=latency_name,
         RESAMPLES=RESAMPLES,
         RULE=RULE.replace("**", ""),
     )
@@ -117,6 +125,7 @@ def render_page(contents: Contents) -> str:
     walks = {name: contents.walks[name] for name in scenarios if name in _walked(contents)}
     return environment.get_template("report.html.j2").render(
         contents=contents,
+        bench=contents.benchmarks,
         scenarios=scenarios,
         methods=sorted({row.method for row in contents.rows}, key=method_rank),
         glance=_glance(contents.tables),
@@ -148,6 +157,8 @@ def _script_safe(data: Mapping[str, Any]) -> str:
 def _figures(contents: Contents, curves: Mapping[str, Sequence[Training]]) -> dict[str, Figure]:
     """Draw everything there is data for, by the id of its place on the page."""
     figures = _error_figures(contents) | _study_figures(contents)
+    if contents.benchmarks is not None:
+        figures |= benchmark_figures(contents.benchmarks)
     for overlay in contents.overlays:
         figures[f"plot-overlay-{overlay.facts.scenario}"] = overlay_figure(overlay)
     for scenario in _walked(contents):

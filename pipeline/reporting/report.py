@@ -4,6 +4,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from pipeline.benchmark_files import read_benchmarks
 from pipeline.reporting.background import read_pair_facts, read_trainings
 from pipeline.reporting.difficulty import read_difficulties
 from pipeline.reporting.findings import make_findings
@@ -48,6 +49,7 @@ def make_report(
     results: Path,
     models: Path,
     pairs: Path,
+    benchmarks: Path,
     *,
     profile: str,
     provenance: Provenance | None = None,
@@ -60,6 +62,7 @@ def make_report(
         models: Folder of ``<scenario>/<method>.json`` with a curve ``.csv`` beside each, and of
             the same under ``ablations/<name>``.
         pairs: Folder of the pair files ``<scenario>.h5``.
+        benchmarks: Folder of what `make bench` measured; may hold nothing.
         profile: Name of the profile the numbers were made with.
         provenance: For the page; of the code and of what these folders hold.
 
@@ -84,6 +87,7 @@ def make_report(
         walked=read_walked_pairs(walks, pairs),
         scores=scores,
         provenance=provenance,
+        benchmarks=read_benchmarks(benchmarks),
     )  # fmt: skip
     return Report(
         table=format_rows(rows),

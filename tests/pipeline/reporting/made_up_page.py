@@ -18,6 +18,7 @@ from pipeline.reporting.result_files import read_results
 from pipeline.reporting.tables import Row, make_rows
 from pipeline.reporting.views import banner, make_tables
 from pipeline.walks import Walk
+from tests.pipeline.reporting.made_up_benchmarks import make_benchmarks
 from tests.pipeline.reporting.made_up_results import (
     ROTATION_ERROR_DEG,
     SCENARIOS,
@@ -78,6 +79,7 @@ def make_contents(
         walked=read_walked_pairs(walks, folder / "pairs"),
         scores=scores,
         provenance=PROVENANCE,
+        benchmarks=make_benchmarks(),
     )
 
 

@@ -303,6 +303,7 @@ def make_report_inputs(folder: Path) -> list[str]:
         "results": folder / "results",
         "models": folder / "models",
         "pairs": folder / "pairs",
+        "benchmarks": folder / "benchmarks",
         "table": reports / "results.csv",
         "markdown": reports / "results.md",
         "latex": reports / "results.tex",

@@ -60,7 +60,7 @@ def full(contents: Contents) -> str:
 
 
 def render(folder: Path, profile: str) -> str:
-    parts = (folder / name for name in ("results", "models", "pairs"))
+    parts = (folder / name for name in ("results", "models", "pairs", "benchmarks"))
     return make_report(*parts, profile=profile).page
 
 
@@ -141,7 +141,7 @@ def test_text_from_files_cannot_become_markup(tmp_path: Path) -> None:
 
 def test_a_report_without_trainings_or_ablations_is_still_a_report(tmp_path: Path) -> None:
     write_everything(tmp_path, ("kitti",), 3)
-    parts = (tmp_path / "results", tmp_path / "no_models", tmp_path / "pairs")
+    parts = (tmp_path / name for name in ("results", "no_models", "pairs", "benchmarks"))
     page = make_report(*parts, profile="quick").page
     for section in ("ablations", "steps", "speed", "difficulty", "curves"):
         assert f'id="{section}"' not in page

@@ -1,0 +1,157 @@
+"""(v) How far each hot loop is from what the machine can do, both measured in the same run."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import nn
+
+from benchmarks.effort import Effort
+from benchmarks.measuring import Summary, alternate, summarise
+from pcrdiff.losses import chamfer_loss
+from pcrdiff.models.matching import sinkhorn
+from pcrdiff.models.pointnet import PointNet
+from pcrdiff.models.structure import DESCRIPTOR_DIM, StructureEmbedding
+from pipeline.benchmark_files import Ceiling
+
+WIDTHS = (64, 64, 64, 128, 1024)  # the paper's encoder
+DIM, NEIGHBOURS, SINKHORN = 128, 16, 5  # the paper's CB
+WARM_UP = 2
+FLOAT = 4  # bytes
+
+
+@dataclass(frozen=True)
+class Work:
+    """A call, and the least arithmetic and traffic that it can do with."""
+
+    name: str
+    kind: str
+    call: Callable[[], object]
+    flop: float
+    traffic: float
+    """Bytes: operands and results once; a matrix beyond the caches each time it is gone through."""
+
+
+def measure_ceilings(effort: Effort, environment: str) -> list[Ceiling]:
+    """Matrix products and a copy, then the loops, all in turn."""
+    works = [*machine_works(effort), *loop_works(effort)]
+    seconds = alternate([work.call for work in works], effort.repeats, WARM_UP)
+    taken = [summarise(each) for each in seconds]
+    gemm = max(
+        work.flop / took.median
+        for work, took in zip(works, taken, strict=True)
+        if work.name.endswith("float32 product")
+    )
+    copy = max(
+        work.traffic / took.median
+        for work, took in zip(works, taken, strict=True)
+        if work.name == "copy"
+    )
+    return [
+        row(work, took, gemm, copy, environment) for work, took in zip(works, taken, strict=True)
+    ]
+
+
+def row(work: Work, took: Summary, gemm: float, copy: float, environment: str) -> Ceiling:
+    """What a call reached, beside the rates of the machine in FLOP/s and bytes/s."""
+    flops, traffic = work.flop / took.median, work.traffic / took.median
+    return Ceiling(
+        name=work.name,
+        kind=work.kind,
+        ms=1e3 * took.median,
+        spread_ms=1e3 * took.spread,
+        n=took.n,
+        gflop_per_s=flops / 1e9,
+        gflop_share=flops / gemm,
+        gbyte_per_s=traffic / 1e9,
+        gbyte_share=traffic / copy,
+        environment=environment,
+    )
+
+
+def machine_works(effort: Effort) -> Iterable[Work]:
+    """Products of a large shape and of one cloud's widest layer, and a copy beyond the caches."""
+    side, points = effort.gemm, effort.cf_step[1]
+    for dtype in (torch.float32, torch.bfloat16):
+        name = str(dtype).removeprefix("torch.")
+        yield product(f"large {name} product", (side, side, side), dtype)
+        yield product(f"one cloud's {name} product", (WIDTHS[-1], WIDTHS[-2], points), dtype)
+    block = torch.zeros(8 * side * side)
+    other = torch.empty_like(block)
+    traffic = 2 * FLOAT * block.numel()
+    yield Work("copy", "machine", lambda: other.copy_(block), 0.0, traffic)
+
+
+def product(name: str, shape: tuple[int, int, int], dtype: torch.dtype) -> Work:
+    """``[n k] @ [k m]``."""
+    n, k, m = shape
+    a, b, out = (torch.ones(size, dtype=dtype) for size in ((n, k), (k, m), (n, m)))
+    traffic = a.element_size() * (n * k + k * m + n * m)
+    return Work(name, "machine", lambda: torch.matmul(a, b, out=out), 2.0 * n * k * m, traffic)
+
+
+@torch.no_grad()
+def loop_works(effort: Effort) -> Iterable[Work]:
+    """The loops that training and inference spend their time in."""
+    batch, points = effort.cf_step
+    n = effort.points
+    generator = torch.Generator().manual_seed(0)
+    clouds = torch.rand(batch, points, 3, generator=generator)
+    single = torch.rand(1, n, 3, generator=generator)
+    encoder = PointNet(WIDTHS)
+    yield Work(
+        "PointNet, forward in training",
+        "loop",
+        lambda: with_graph(encoder, clouds),
+        linear_flop(encoder, batch * points),
+        FLOAT * (clouds.numel() + batch * WIDTHS[-1]),
+    )
+    yield Work(
+        "PointNet, inference of one cloud",
+        "loop",
+        lambda: without_graph(encoder, single),
+        linear_flop(encoder, n),
+        FLOAT * (single.numel() + WIDTHS[-1]),
+    )
+    yield Work(
+        "chamfer, nearest both ways",
+        "loop",
+        lambda: chamfer_loss(clouds, clouds.flip(1)),
+        2 * 8.0 * batch * points**2,  # a product of 3 and 1 terms, and a comparison
+        FLOAT * 2 * clouds.numel(),
+    )
+    embedding = StructureEmbedding(dim=DIM)
+    descriptors = torch.rand(1, n, NEIGHBOURS, DESCRIPTOR_DIM, generator=generator)
+    yield Work(
+        "CB, embedding of one cloud",
+        "loop",
+        lambda: without_graph(embedding, descriptors),
+        linear_flop(embedding.per_neighbour, n * NEIGHBOURS) + linear_flop(embedding.per_point, n),
+        FLOAT * (descriptors.numel() + n * DIM),
+    )
+    scores = -torch.rand(1, n, n, generator=generator)
+    yield Work(
+        f"Sinkhorn, {SINKHORN} iterations",
+        "loop",
+        lambda: sinkhorn(scores, SINKHORN),
+        2 * 2.0 * SINKHORN * n**2,
+        FLOAT * (2 * SINKHORN + 2) * n**2,
+    )
+
+
+def with_graph(network: nn.Module, inputs: torch.Tensor) -> None:
+    """Forward as training does it."""
+    with torch.enable_grad():
+        network(inputs)
+
+
+@torch.no_grad()
+def without_graph(network: nn.Module, inputs: torch.Tensor) -> None:
+    """Forward as inference does it."""
+    network(inputs)
+
+
+def linear_flop(network: nn.Module, rows: int) -> float:
+    """Of all linear layers on so many rows: a product and a sum for each weight."""
+    layers: Sequence[nn.Linear] = [m for m in network.modules() if isinstance(m, nn.Linear)]
+    return 2.0 * rows * sum(layer.weight.numel() for layer in layers)

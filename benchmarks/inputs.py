@@ -1,0 +1,46 @@
+"""What is measured on: pairs of one scenario with as many points as asked for, and trained weights."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pcrdiff.registration import Pairs
+from pipeline.params import PairCounts, Params, read_params
+from pipeline.preprocessing import preprocess
+
+SCENARIO = "modelnet40-gaussian_noise"
+PAPER = Path("profiles/paper.yaml")
+"""Where the paper's networks stand, which the training steps are measured with."""
+
+
+def make_pairs(params: Params, points: int, count: int) -> dict[str, Pairs]:
+    """At most ``count`` pairs of each split, of so many points, from the raw data set.
+
+    Raises:
+        FileNotFoundError: The raw data set is not there.
+    """
+    scenario = params.scenarios[SCENARIO]
+    few = PairCounts(train=count, val=1, test=count)
+    scenario = scenario.model_copy(update={"num_points": points, "pairs": few})
+    family = params.acquire[scenario.dataset].family
+    raw = Path("data/raw") / scenario.dataset
+    return dict(preprocess(SCENARIO, scenario, family, raw, seed=params.seed).splits)
+
+
+def read_paper_params() -> Params:
+    """The profile with the paper's networks."""
+    return read_params(PAPER)
+
+
+def trained_methods(params: Params) -> list[str]:
+    """The methods that are trained on the scenario."""
+    return [one.method for one in params.trainings.values() if one.scenario == SCENARIO]
+
+
+def needed_stages(params: Params) -> Sequence[str]:
+    """The stages that make the weights measured, and by way of them the raw data set."""
+    return [f"train@{SCENARIO}-{method}" for method in trained_methods(params)]
+
+
+def weights_of(method: str) -> Path:
+    """Where a method's weights lie."""
+    return Path("models") / SCENARIO / f"{method}.safetensors"

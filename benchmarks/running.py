@@ -1,0 +1,154 @@
+"""The run: every part, one table on the screen, and the files at the end."""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from benchmarks.effort import DRY, FULL, Effort
+from benchmarks.inputs import needed_stages
+from benchmarks.measuring import compare, describe_environment
+from benchmarks.threads import every_processor
+from pipeline.benchmark_files import Benchmarks, PeakMemory, Ratio, write_benchmarks
+from pipeline.machine import settle
+from pipeline.params import Params, read_params
+from pipeline.progress import bar
+
+FOLDER = Path("benchmarks")
+THREADS = 1
+"""Of everybody; see :mod:`benchmarks.threads`."""
+FIRST = (
+    "cf_train_step_vs_plain",
+    "cf_latency_vs_fastest_peer",
+    "cf_throughput_vs_icp",
+    "cb_latency_vs_rpmnet",
+    "preprocess_vs_loop",
+)
+"""The ratios that are promised, in the order in which they are shown."""
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Measure and write; a part alone, or a dry run, is shown and not written."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", choices=[*MEASURED], help="measure one part and write nothing")
+    parser.add_argument("--dry", action="store_true", help="tiny sizes; write nothing")
+    parser.add_argument("--stages", action="store_true", help="list the stages needed before")
+    args = parser.parse_args(argv)
+
+    params = read_params()
+    if args.stages:
+        say(needed_stages(params))
+        return
+    settle(THREADS)
+    parts = [*MEASURED] if args.only is None else [args.only]
+    found = measure(params, parts, DRY if args.dry else FULL)
+    say(lines(found))
+    if not args.dry and args.only is None:
+        write_benchmarks(FOLDER, found)
+
+
+def measure(params: Params, parts: Sequence[str], effort: Effort) -> Benchmarks:
+    """Measure the parts one after the other; the promised ratios come first."""
+    environment = describe_environment()
+    found = [MEASURED[part](params, effort, environment) for part in bar(parts, "benchmarks")]
+    return Benchmarks(
+        ratios=sorted((row for one in found for row in one.ratios), key=rank),
+        latencies=[row for one in found for row in one.latencies],
+        memory=[row for one in found for row in one.memory],
+        ceilings=[row for one in found for row in one.ceilings],
+    )
+
+
+def rank(ratio: Ratio) -> tuple[int, str]:
+    """Sort key: what is promised, then the rest by name."""
+    return (FIRST.index(ratio.name) if ratio.name in FIRST else len(FIRST), ratio.name)
+
+
+def training(params: Params, effort: Effort, environment: str) -> Benchmarks:
+    """Steps of CF and CB."""
+    from benchmarks.training import measure_training
+
+    found = measure_training(params, effort)
+    return Benchmarks(ratios=[compare(each, environment) for each in found])
+
+
+def registration(params: Params, effort: Effort, environment: str) -> Benchmarks:
+    """Every method of the table."""
+    from benchmarks.registration import compare_registrations, measure_registration
+
+    contenders = measure_registration(params, effort)
+    return Benchmarks(
+        ratios=[compare(each, environment) for each in compare_registrations(contenders)],
+        latencies=[each.row(environment) for each in contenders],
+    )
+
+
+def memory(params: Params, effort: Effort, environment: str) -> Benchmarks:
+    """CB, against the number of points."""
+    from benchmarks.memory import measure_memory
+
+    del params
+    method = "pcrdiffusion_cb"
+    found = measure_memory(method, effort.memory_points)
+    return Benchmarks(
+        memory=[
+            PeakMemory(method, each.points, each.peak_mib, each.seconds, environment)
+            for each in found
+        ]
+    )
+
+
+def preprocessing(params: Params, effort: Effort, environment: str) -> Benchmarks:
+    """Raw shapes to pairs, on all processors."""
+    from benchmarks.preprocessing import measure_preprocessing
+
+    del params
+    with every_processor():
+        found = measure_preprocessing(effort.rounds)
+    return Benchmarks(ratios=[compare(found, environment)])
+
+
+def ceilings(params: Params, effort: Effort, environment: str) -> Benchmarks:
+    """The machine, and the loops."""
+    from benchmarks.ceilings import measure_ceilings
+
+    del params
+    return Benchmarks(ceilings=measure_ceilings(effort, environment))
+
+
+MEASURED: Mapping[str, Callable[[Params, Effort, str], Benchmarks]] = {
+    "training": training,
+    "registration": registration,
+    "memory": memory,
+    "preprocessing": preprocessing,
+    "ceilings": ceilings,
+}
+
+
+def lines(found: Benchmarks) -> Iterator[str]:
+    """What was found, for a screen: ratios first."""
+    for row in found.ratios:
+        yield (
+            f"{row.name:48} {row.ratio:8.2f} x  (spread {row.spread:.2f}, n {row.n}; "
+            f"ours {row.ours:.4g}, peer {row.peer:.4g} {row.unit})"
+        )
+    for each in found.latencies:
+        yield (
+            f"{each.method:16} {each.setting:9} {each.points:5} points {each.latency_ms:9.2f} ms"
+            f" {each.pairs_per_s:8.1f} pairs/s  {each.error_r_deg:7.2f} deg"
+            f"  ({each.n} pairs, {each.batch} at once, {each.failures} failures)"
+        )
+    for one in found.memory:
+        yield f"{one.method:16} {one.points:6} points {one.peak_mib:8.0f} MiB {one.seconds:7.2f} s"
+    for loop in found.ceilings:
+        yield (
+            f"{loop.name:36} {loop.ms:9.3f} ms  {loop.gflop_per_s:8.1f} GFLOP/s"
+            f" ({100 * loop.gflop_share:5.1f} %)  {loop.gbyte_per_s:6.2f} GB/s"
+            f" ({100 * loop.gbyte_share:5.1f} %)"
+        )
+
+
+def say(texts: Iterable[str]) -> None:
+    """Write lines to the screen."""
+    for text in texts:
+        sys.stdout.write(f"{text}\n")

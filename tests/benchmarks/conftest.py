@@ -1,0 +1,3 @@
+"""The tiny project, for the tests of the benchmarks."""
+
+from tests.tiny import blank as blank
