@@ -12,9 +12,11 @@ from torch.nn.functional import pad, softplus
 
 from pcrdiff.geometry.neighbors import BLOCK
 from pcrdiff.geometry.procrustes import fit_rigid
+from pcrdiff.geometry.rigid import from_parts
 from pcrdiff.models.mlp import he_layers
 from pcrdiff.models.pointnet import PointNet
 
+LEAST_WEIGHT = 1e-5  # RPM-Net's; next to a sum of matches, which is about 1
 LEAST_SLACK = 1e-30  # next to a row's best match; its inverse is still a float32
 
 
@@ -52,7 +54,13 @@ def _score_factors(
     alpha: Float[Tensor, " batch"],
     beta: Float[Tensor, " batch"],
 ) -> tuple[Float[Tensor, "batch n dim+2"], Float[Tensor, "batch m dim+2"]]:
-    """Whose product the scores are: all of ``|x|^2 - 2 xy + |y|^2`` in one sum of products."""
+    """Whose product the scores are: all of ``|x|^2 - 2 xy + |y|^2`` in one sum of products.
+
+    Features are counted from the target's mean, which no distance depends on: the smaller they
+    are, the less of a distance is lost between its large terms.
+    """
+    middle = target.detach().mean(dim=1, keepdim=True)
+    source, target = source - middle, target - middle
     beta_, alpha_ = beta[:, None, None], alpha[:, None, None]
     squares, others = (f.square().sum(dim=-1, keepdim=True) for f in (source, target))
     left = torch.cat([2 * beta_ * source, beta_ * (alpha_ - squares), torch.ones_like(squares)], -1)
@@ -142,16 +150,23 @@ def fit_matches(
 
     Yew & Lee 2020, Eqs. 4-5. A point that matches nothing pulls at nothing.
     """
-    return _fit_sums(source, matches @ target, matches.sum(dim=-1))
+    middle = target.mean(dim=1, keepdim=True)
+    return _fit_sums(source, middle, matches @ (target - middle), matches.sum(dim=-1))
 
 
 def _fit_sums(
     source: Float[Tensor, "batch n 3"],
+    middle: Float[Tensor, "batch 1 3"],
     pulls: Float[Tensor, "batch n 3"],
     weights: Float[Tensor, "batch n"],
 ) -> Float[Tensor, "batch 4 4"]:
-    """:func:`fit_matches`, given what each row of the matches says and its sum."""
-    return fit_rigid(source, pulls / (weights.unsqueeze(-1) + 1e-5), weights + 1e-8)
+    """:func:`fit_matches`, given the rows' sums: of the matches, and of those times the target.
+
+    The target counts from its ``middle``: where a cloud lies should cost its shape no digits.
+    """
+    matched = (pulls - LEAST_WEIGHT * middle) / (weights.unsqueeze(-1) + LEAST_WEIGHT)
+    eye = torch.eye(3).to(middle).expand(len(middle), 3, 3)
+    return from_parts(eye, middle.squeeze(1)) @ fit_rigid(source, matched, weights + 1e-8)
 
 
 @dataclass(frozen=True)
@@ -176,9 +191,10 @@ class Matchable:
         if torch.is_grad_enabled() or n * m <= BLOCK:
             return fit_matches(self.source, self.target, self.matches(iterations))
         factors = _score_factors(self.source_features, self.target_features, self.alpha, self.beta)
-        pairs = zip(*factors, self.target, strict=True)
+        middle = self.target.mean(dim=1, keepdim=True)
+        pairs = zip(*factors, self.target - middle, strict=True)
         sums = torch.stack([_sum_matches(*pair, iterations) for pair in pairs])
-        return _fit_sums(self.source, sums[..., :3], sums[..., 3])
+        return _fit_sums(self.source, middle, sums[..., :3], sums[..., 3])
 
 
 def _sum_matches(

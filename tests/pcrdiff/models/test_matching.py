@@ -254,3 +254,19 @@ def test_nothing_grows_with_both_clouds_where_no_graph_is_kept(
     assert (
         watch.entries <= 500 * (16 + 16 + 2) * 2
     )  # features of both clouds; 500 * 400 is 6 times it
+
+
+def test_a_fit_far_from_the_origin_loses_no_more_digits_than_the_place_itself() -> None:
+    pairs, away = made_up_pairs(1, 40, generator=seeded(1)), torch.tensor([64.0, -32.0, 16.0])
+    matches = 0.02 + 0.1 * true_matches(pairs)
+    here, there = (fit_matches(pairs.source, pairs.target + shift, matches) for shift in (0, away))
+    torch.testing.assert_close(there[:, :3, :3], here[:, :3, :3], atol=1e-4, rtol=0)
+
+
+def test_matched_points_are_the_authors_weighted_means() -> None:
+    problem = matchable()
+    matches = problem.matches(3)
+    weights = matches.sum(dim=-1)
+    matched = (matches @ problem.target) / (weights.unsqueeze(-1) + 1e-5)
+    expected = fit_rigid(problem.source, matched, weights + 1e-8)
+    torch.testing.assert_close(fit_matches(problem.source, problem.target, matches), expected)
