@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from pcrdiff.registration import Pairs
+from pipeline.artifacts import read_pairs, write_pairs
 from pipeline.params import PairCounts, Params, read_params
 from pipeline.preprocessing import preprocess
 
@@ -23,7 +25,11 @@ def make_pairs(params: Params, points: int, count: int) -> dict[str, Pairs]:
     scenario = scenario.model_copy(update={"num_points": points, "pairs": few})
     family = params.acquire[scenario.dataset].family
     raw = Path("data/raw") / scenario.dataset
-    return dict(preprocess(SCENARIO, scenario, family, raw, seed=params.seed).splits)
+    made = preprocess(SCENARIO, scenario, family, raw, seed=params.seed)
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "pairs.h5"
+        write_pairs(file, made.splits, made.label, made.attributes)
+        return {split: read_pairs(file, split) for split in made.splits}
 
 
 def read_paper_params() -> Params:

@@ -1,48 +1,132 @@
-"""(iv) Preprocessing, items a second, beside a straight loop over Open3D and NumPy."""
+"""(iv) Preprocessing beside the loop that a researcher would write: items a second, and memory."""
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from math import pi
+from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import h5py
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from benchmarks.inputs import make_pairs
 from benchmarks.measuring import Comparison, alternate
-from pcrdiff.data.native import open3d
-from pipeline.params import read_params
+from pcrdiff.data.modelnet40 import read_items
+from pcrdiff.data.raw import RawItem
+from pcrdiff.data.scenarios import Corruption, make_pairs
+from pcrdiff.data.synthetic.modelnet40 import write_modelnet40
+from pipeline.artifacts import Streamed, write_pairs
+from pipeline.params import Compute
+from pipeline.spreading import spread_over
+from pipeline.timing import forget_peak, resident
 
-POINTS, ITEMS = 2048, 24
-
-
-def measure_preprocessing(repeats: int) -> Comparison:
-    """Test shapes to pairs with jitter; ours makes as many for training, and one to choose by."""
-    params = read_params()
-    files = sorted(Path("data/raw/modelnet40").glob("*/test/*.off"))[:ITEMS]
-    calls = [lambda: make_pairs(params, POINTS, ITEMS), lambda: straight_loop(files)]
-    ours, loop = alternate(calls, repeats, warm_up=1)
-    return Comparison(
-        "preprocess_vs_loop",
-        [(2 * ITEMS + 1) / seconds for seconds in ours],
-        [len(files) / seconds for seconds in loop],
-        "items/s",
-        higher_is_better=True,
-    )
+NUM_POINTS, WORKERS = 2048, 2
+REAL_TIMES = 4  # there are few real ones at hand
+NOISY = Corruption(NUM_POINTS, "copies", pi / 4, 1.0, 0.01, 0.05, 1.0, "estimated")
+"""The scenario ``modelnet40-gaussian_noise``."""
+NUMBER_OF_ITEMS = (400, 1600)
+"""What memory is measured at."""
 
 
-def straight_loop(files: Sequence[Path]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sources and targets, one file after the other."""
-    random = np.random.default_rng(0)
-    sources: list[NDArray[np.float64]] = []
-    targets: list[NDArray[np.float64]] = []
-    for file in files:
-        mesh = open3d.io.read_triangle_mesh(file)
-        source = np.asarray(mesh.sample_points_uniformly(POINTS).points)
-        source = source - source.mean(axis=0)
-        source = source / np.linalg.norm(source, axis=1).max()
-        R = Rotation.from_euler("xyz", random.uniform(0, 45, 3), degrees=True).as_matrix()
-        target = source @ R.T + random.uniform(0, 1, 3)
-        for cloud, kept in ((source, sources), (target, targets)):
-            noisy = cloud + np.clip(random.normal(0, 0.01, cloud.shape), -0.05, 0.05)
-            kept.append(random.permutation(noisy))
-    return np.stack(sources), np.stack(targets)
+def measure_preprocessing(repeats: int) -> list[Comparison]:
+    """Items a second of both on made-up meshes, and on real ones where there are any; memory."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        made_up = folder / "modelnet40"
+        write_modelnet40(made_up, train_per_category=8, test_per_category=2, seed=7)
+        found = [compare_speed("preprocess_vs_loop", read_items(made_up), folder, repeats)]
+        if real_meshes().is_dir():
+            real = read_items(real_meshes()) * REAL_TIMES
+            found.append(compare_speed("preprocess_real_meshes_vs_loop", real, folder, repeats))
+        return [*found, compare_memory(read_items(made_up), folder)]
+
+
+def real_meshes() -> Path:
+    """Where real meshes of ModelNet40 would lie."""
+    told = os.environ.get("PCRDIFF_REAL_DATA")
+    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
+    return (Path(told) if told else beside) / "modelnet40_off"
+
+
+def ours(items: Sequence[RawItem], out: Path) -> None:
+    """Make a pair of each item with two workers, and write the pair file."""
+    spread = spread_over(Compute(workers=WORKERS, scheduler=None), threads=1)
+    third = len(items) // 3
+    parts = (range(third), range(third, 2 * third), range(2 * third, len(items)))
+    splits = {
+        name: Streamed(len(part), make_pairs(items, part, NOISY, [7], spread=spread))
+        for name, part in zip(("train", "val", "test"), parts, strict=True)
+    }
+    attributes = {"scenario": "noisy", "unit": "unit sphere", "seed": 7, "provenance": {}}
+    write_pairs(out, splits, "category", attributes)
+
+
+def loop(items: Sequence[RawItem], out: Path) -> None:
+    """The same work as it is usually written: one file after the other, all of it in lists."""
+    from scipy.spatial.transform import Rotation
+
+    from pcrdiff.data.native import open3d
+
+    generator = np.random.default_rng(7)
+    sources, targets, poses = [], [], []
+    for item in items:
+        path = item.read.args[0]  # type: ignore[attr-defined]  # a partial of read_off
+        mesh = open3d.io.read_triangle_mesh(path)
+        points = np.asarray(mesh.sample_points_uniformly(NUM_POINTS).points)
+        points = points - points.mean(axis=0)
+        points = points / np.linalg.norm(points, axis=1).max()
+        pose = np.eye(4)
+        angles = generator.uniform(0, 45, 3)
+        pose[:3, :3] = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
+        pose[:3, 3] = generator.uniform(0, 1, 3)
+        moved = points @ pose[:3, :3].T + pose[:3, 3]
+        noisy = [
+            cloud + np.clip(generator.normal(0, 0.01, cloud.shape), -0.05, 0.05)
+            for cloud in (points, moved)
+        ]
+        sources.append(noisy[0])
+        targets.append(generator.permutation(noisy[1]))
+        poses.append(pose)
+    with h5py.File(out, "w") as file:
+        file["source"] = np.stack(sources).astype(np.float32)
+        file["target"] = np.stack(targets).astype(np.float32)
+        file["T_target_source"] = np.stack(poses)
+
+
+def compare_speed(name: str, items: Sequence[RawItem], folder: Path, repeats: int) -> Comparison:
+    """Both in turn, each time the whole way from files to a pair file."""
+    calls = [partial(run, items, folder / "out.h5") for run in (ours, loop)]
+    seconds = alternate(calls, repeats, warm_up=1)
+    rates = [[len(items) / s for s in each] for each in seconds]
+    return Comparison(name, rates[0], rates[1], "items/s", higher_is_better=True)
+
+
+def compare_memory(items: Sequence[RawItem], folder: Path) -> Comparison:
+    """How much more each needs for four times the items: the peak of a process of its own."""
+    few, many = (list(items) * (n // len(items)) for n in NUMBER_OF_ITEMS)
+    grown = [
+        _peak(run, many, folder / "out.h5") - _peak(run, few, folder / "out.h5")
+        for run in (ours, loop)
+    ]
+    own, theirs = (max(mib, 1.0) for mib in grown)  # below 1 MiB it is noise
+    name = "preprocess_memory_growth_vs_loop"
+    return Comparison(name, [own], [theirs], "MiB", higher_is_better=False)
+
+
+def _peak(
+    run: Callable[[Sequence[RawItem], Path], None], items: Sequence[RawItem], out: Path
+) -> float:
+    """The highest resident memory of a fresh process that runs it, in MiB."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        return pool.submit(_run_and_tell, run, list(items), out).result()
+
+
+def _run_and_tell(
+    run: Callable[[Sequence[RawItem], Path], None], items: Sequence[RawItem], out: Path
+) -> float:
+    run(items[:32], out)
+    forget_peak()
+    run(items, out)
+    return resident("VmHWM")

@@ -105,7 +105,7 @@ def preprocessing(params: Params, effort: Effort, environment: str) -> Benchmark
     del params
     with every_processor():
         found = measure_preprocessing(effort.rounds)
-    return Benchmarks(ratios=[compare(found, environment)])
+    return Benchmarks(ratios=[compare(each, environment) for each in found])
 
 
 def ceilings(params: Params, effort: Effort, environment: str) -> Benchmarks:

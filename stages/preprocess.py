@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from pipeline.artifacts import write_pairs
+from pipeline.machine import settle
 from pipeline.params import pick, read_params
 from pipeline.preprocessing import preprocess
 from pipeline.spreading import spread_over
@@ -22,8 +23,9 @@ def main(argv: list[str] | None = None) -> None:
     params = read_params()
     section = pick(params.scenarios, args.scenario, "scenarios")
     family = params.acquire[section.dataset].family
+    settle(threads=1)  # a pair has no work for more
     with journal(params=section.model_dump(), inputs=[args.raw]) as notes:
-        spread = spread_over(params.compute, threads=1)  # a pair has no work for more
+        spread = spread_over(params.compute, threads=1)
         made = preprocess(args.scenario, section, family, args.raw, seed=params.seed, spread=spread)
         write_pairs(args.pairs, made.splits, made.label, made.attributes)
         notes.metrics({f"{name}_pairs": split.count for name, split in made.splits.items()})

@@ -63,7 +63,7 @@ def crop(
 
 def shuffle(points: Cloud, *, generator: np.random.Generator) -> Cloud:
     """The same points in a random order."""
-    return generator.permutation(points)
+    return points.take(generator.permutation(len(points)), axis=0)
 
 
 def unit_sphere(points: Cloud) -> tuple[Float64[np.ndarray, "3"], float]:
@@ -73,7 +73,8 @@ def unit_sphere(points: Cloud) -> tuple[Float64[np.ndarray, "3"], float]:
         ValueError: All points are one.
     """
     centre = points[:, :3].mean(axis=0)
-    scale = float(np.linalg.norm(points[:, :3] - centre, axis=-1).max())
+    x, y, z = np.square(points[:, :3] - centre).T
+    scale = float(np.sqrt((x + y + z).max()))
     if scale == 0:
         raise ValueError(f"unit_sphere needs a cloud with extent, got {len(points)} equal points")
     return centre, scale

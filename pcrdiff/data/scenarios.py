@@ -144,12 +144,12 @@ def make_pair(
         ValueError: The item has too few points or no extent, or lacks normals that are to be given.
     """
     sample = sample_oriented if corruption.normals == "given" else sample_points
-    source = sample(surface, corruption.num_points, generator=generator)
-    target = source
+    drawn = sample(surface, corruption.num_points, generator=generator)
+    centre, scale = unit_sphere(drawn)
+    source = target = rescale(drawn, centre, scale)
     if corruption.sampling == "independent":
-        target = sample(surface, corruption.num_points, generator=generator)
-    centre, scale = unit_sphere(source)
-    source, target = rescale(source, centre, scale), rescale(target, centre, scale)
+        other = sample(surface, corruption.num_points, generator=generator)
+        target = rescale(other, centre, scale)
     source = crop(source, corruption.keep, generator=generator)
     target = crop(target, corruption.keep, generator=generator)
     pose = draw_pose(corruption.max_rotation, corruption.max_translation, generator=generator)

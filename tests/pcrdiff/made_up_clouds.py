@@ -1,5 +1,9 @@
 """Clouds, poses and pairs that several tests share."""
 
+import dataclasses
+from collections.abc import Iterable
+from typing import Any
+
 import torch
 from torch import Tensor
 
@@ -58,3 +62,16 @@ def true_matches(pairs: Pairs) -> Tensor:
     matches = (torch.cdist(moved, pairs.target.double()) < 1e-5).float()
     assert (matches.sum(dim=-1) == 1).all()
     return matches
+
+
+def joined(blocks: Iterable[Pairs]) -> Pairs:
+    """Pairs that came in blocks, as one."""
+    each = list(blocks)
+    fields: dict[str, Any] = {}
+    for field in dataclasses.fields(Pairs):
+        values = [getattr(block, field.name) for block in each]
+        if field.name == "group":
+            fields["group"] = tuple(name for names in values for name in names)
+        else:
+            fields[field.name] = None if values[0] is None else torch.cat(values)
+    return Pairs(**fields)

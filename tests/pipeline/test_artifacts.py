@@ -2,7 +2,10 @@
 
 import csv
 import os
-from collections.abc import Callable
+import subprocess
+import sys
+import tracemalloc
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +22,7 @@ from pcrdiff.registration import SPLITS, Pairs
 from pcrdiff.training import Epoch
 from pipeline.artifacts import (
     ANSWER,
+    Streamed,
     read_attributes,
     read_pairs,
     read_weights,
@@ -30,6 +34,7 @@ from pipeline.artifacts import (
     write_pairs,
     write_weights,
 )
+from tests.described import REPOSITORY
 from tests.tiny import files_below
 
 ATTRIBUTES = {"scenario": "tiny", "unit": "unit sphere", "seed": 7, "provenance": {"b": 1, "a": 2}}
@@ -54,9 +59,17 @@ def made_up_pairs(count: int = 3) -> Pairs:
     )
 
 
+def streamed(splits: dict[str, Pairs], size: int = 2) -> dict[str, Streamed]:
+    """Each split in blocks of ``size`` pairs."""
+    return {
+        name: Streamed(len(pairs), map(pairs.select, torch.arange(len(pairs)).split(size)))
+        for name, pairs in splits.items()
+    }
+
+
 def write_made_up(path: Path, label: str = "category") -> dict[str, Pairs]:
     splits = {name: made_up_pairs(count) for name, count in zip(SPLITS, (3, 1, 2), strict=True)}
-    write_pairs(path, splits, label, ATTRIBUTES)
+    write_pairs(path, streamed(splits), label, ATTRIBUTES)
     return splits
 
 
@@ -151,6 +164,91 @@ def test_the_same_pairs_give_the_same_bytes(tmp_path: Path) -> None:
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
 
 
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_the_bytes_do_not_depend_on_how_pairs_are_cut_into_blocks(
+    tmp_path: Path, size: int
+) -> None:
+    splits = {name: with_normals(made_up_pairs(5)) for name in SPLITS}
+    write_pairs(tmp_path / "whole.h5", streamed(splits, 5), "scene", ATTRIBUTES)
+    write_pairs(tmp_path / "cut.h5", streamed(splits, size), "scene", ATTRIBUTES)
+    assert (tmp_path / "cut.h5").read_bytes() == (tmp_path / "whole.h5").read_bytes()
+
+
+@pytest.mark.parametrize("promised", [2, 4])
+def test_refuses_another_number_of_pairs_than_a_split_said_and_leaves_the_old_file(
+    tmp_path: Path, promised: int
+) -> None:
+    write_made_up(tmp_path / "pairs.h5")
+    before = (tmp_path / "pairs.h5").read_bytes()
+    splits = streamed({name: made_up_pairs(3) for name in SPLITS}, 1)
+    splits["val"] = Streamed(promised, splits["val"].blocks)
+    with pytest.raises((ValueError, TypeError)):
+        write_pairs(tmp_path / "pairs.h5", splits, "category", ATTRIBUTES)
+    assert (tmp_path / "pairs.h5").read_bytes() == before
+    assert files_below(tmp_path) == ["pairs.h5"]
+
+
+def test_a_pair_that_cannot_be_made_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    def breaking() -> Iterator[Pairs]:
+        yield made_up_pairs(2)
+        raise ValueError("no pair of chair_7")
+
+    write_made_up(tmp_path / "pairs.h5")
+    before = (tmp_path / "pairs.h5").read_bytes()
+    splits = streamed({name: made_up_pairs(3) for name in SPLITS})
+    splits["val"] = Streamed(4, breaking())
+    with pytest.raises(ValueError, match="no pair of chair_7"):
+        write_pairs(tmp_path / "pairs.h5", splits, "category", ATTRIBUTES)
+    assert (tmp_path / "pairs.h5").read_bytes() == before
+    assert files_below(tmp_path) == ["pairs.h5"]
+
+
+@pytest.mark.parametrize("room", [0, 3000, 9000])
+def test_a_disk_that_fills_up_under_a_pair_file_leaves_the_old_one_and_nothing_else(
+    tmp_path: Path, room: int
+) -> None:
+    splits = {name: made_up_pairs(40) for name in SPLITS}
+    write_pairs(tmp_path / "pairs.h5", streamed(splits), "category", ATTRIBUTES)
+    before = (tmp_path / "pairs.h5").read_bytes()
+    assert len(before) > room
+    code = (
+        "import resource, signal, sys\n"
+        "from pathlib import Path\n"
+        "from tests.pipeline.test_artifacts import *\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {room}))\n"
+        "splits = streamed({name: made_up_pairs(40) for name in SPLITS})\n"
+        "try:\n"
+        f"    write_pairs(Path({str(tmp_path / 'pairs.h5')!r}), splits, 'category', ATTRIBUTES)\n"
+        "except (OSError, RuntimeError) as error:\n"
+        "    sys.exit(7)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, check=False)
+    assert done.returncode == 7
+    assert (tmp_path / "pairs.h5").read_bytes() == before
+    assert files_below(tmp_path) == ["pairs.h5"]
+
+
+def test_memory_does_not_grow_with_the_number_of_pairs(tmp_path: Path) -> None:
+    def blocks(count: int) -> Iterator[Pairs]:
+        for _ in range(count):
+            clouds = torch.zeros(4, 512, 3)
+            poses = torch.eye(4, dtype=torch.float64).repeat(4, 1, 1)
+            yield Pairs(clouds, clouds.clone(), poses, torch.arange(4), ("a",) * 4)
+
+    def peak(count: int) -> int:
+        splits = {name: Streamed(4 * count, blocks(count)) for name in SPLITS}
+        tracemalloc.start()
+        write_pairs(tmp_path / "pairs.h5", splits, "category", ATTRIBUTES)
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return most
+
+    peak(2)
+    few, many = peak(25), peak(100)  # 1.2 and 4.9 MB a split
+    assert many - few < 100_000
+
+
 def test_a_pair_file_has_the_published_layout(tmp_path: Path) -> None:
     write_made_up(tmp_path / "pairs.h5", "scene")
     with h5py.File(tmp_path / "pairs.h5") as file:
@@ -209,7 +307,7 @@ def write_with_normals(path: Path) -> dict[str, Pairs]:
         name: with_normals(made_up_pairs(count))
         for name, count in zip(SPLITS, (3, 1, 2), strict=True)
     }
-    write_pairs(path, splits, "category", ATTRIBUTES)
+    write_pairs(path, streamed(splits), "category", ATTRIBUTES)
     return splits
 
 

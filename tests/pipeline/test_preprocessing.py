@@ -8,8 +8,10 @@ import pytest
 import torch
 
 from pcrdiff.geometry.rigid import transform
+from pcrdiff.registration import Pairs
 from pipeline.params import Scenario, read_params
 from pipeline.preprocessing import LICENCES, READERS, SYNTHETIC_LICENCE, Preprocessed, preprocess
+from tests.pcrdiff.made_up_clouds import joined
 from tests.tiny import CATEGORIES, RAW, SCENARIO, instance, run_instance, tiny_params, write_params
 
 
@@ -18,24 +20,33 @@ def scenario(**changes: object) -> Scenario:
     return Scenario.model_validate(told | changes)
 
 
-def made(seed: int = 7, **changes: object) -> Preprocessed:
+def prepared(seed: int = 7, **changes: object) -> Preprocessed:
     return preprocess(SCENARIO, scenario(**changes), "modelnet40", RAW, seed=seed)
+
+
+def made(seed: int = 7, **changes: object) -> dict[str, Pairs]:
+    splits = prepared(seed, **changes).splits
+    pairs = {name: joined(split.blocks) for name, split in splits.items()}
+    assert {name: len(each) for name, each in pairs.items()} == {
+        name: split.count for name, split in splits.items()
+    }
+    return pairs
 
 
 @pytest.mark.usefixtures("project")
 def test_splits_are_those_of_the_data_set_with_some_training_held_out() -> None:
-    preprocessed = made()
-    sizes = {name: len(pairs) for name, pairs in preprocessed.splits.items()}
+    splits = made()
+    sizes = {name: len(pairs) for name, pairs in splits.items()}
     assert sizes == {"train": 6, "val": 3, "test": 3}
-    items = torch.cat([pairs.item for pairs in preprocessed.splits.values()])
+    items = torch.cat([pairs.item for pairs in splits.values()])
     assert sorted(items.tolist()) == list(range(12))
-    assert preprocessed.splits["test"].group == CATEGORIES
-    assert preprocessed.label == "category"
+    assert splits["test"].group == CATEGORIES
+    assert prepared().label == "category"
 
 
 @pytest.mark.usefixtures("project")
 def test_the_pose_carries_the_source_onto_its_shuffled_copy() -> None:
-    for pairs in made().splits.values():
+    for pairs in made().values():
         moved = transform(pairs.T_target_source, pairs.source.double())
         distance = torch.cdist(moved, pairs.target.double()).amin(dim=-1).max().item()
         assert distance < 1e-5
@@ -44,7 +55,7 @@ def test_the_pose_carries_the_source_onto_its_shuffled_copy() -> None:
 
 @pytest.mark.usefixtures("project")
 def test_no_two_splits_share_their_draws() -> None:
-    splits = made().splits.values()
+    splits = made().values()
     poses = torch.cat([pairs.T_target_source for pairs in splits])
     shifts = {tuple(pose[:3, 3].tolist()) for pose in poses}
     assert len(shifts) == len(poses)
@@ -52,24 +63,24 @@ def test_no_two_splits_share_their_draws() -> None:
 
 @pytest.mark.usefixtures("project")
 def test_the_seed_alone_decides_the_draws() -> None:
-    first, again, other = (made(seed).splits["train"] for seed in (7, 7, 8))
+    first, again, other = (made(seed)["train"] for seed in (7, 7, 8))
     assert torch.equal(first.target, again.target)
     assert not torch.equal(first.T_target_source, other.T_target_source)
 
 
 @pytest.mark.usefixtures("project")
 def test_the_numbers_of_the_scenario_reach_the_pairs() -> None:
-    pairs = made(num_points=20, max_rotation_deg=0.0, max_translation=0.5).splits["train"]
+    pairs = made(num_points=20, max_rotation_deg=0.0, max_translation=0.5)["train"]
     assert pairs.source.shape == (6, 20, 3)
     assert torch.equal(pairs.T_target_source[:, :3, :3], torch.eye(3).double().repeat(6, 1, 1))
     assert 0 < pairs.T_target_source[:, :3, 3].max() <= 0.5
-    cropped = made(num_points=20, keep=0.5).splits["train"]
+    cropped = made(num_points=20, keep=0.5)["train"]
     assert cropped.source.shape == (6, 10, 3)
 
 
 @pytest.mark.usefixtures("project")
 def test_the_angles_of_the_scenario_are_degrees() -> None:
-    poses = made(max_rotation_deg=2.0).splits["train"].T_target_source
+    poses = made(max_rotation_deg=2.0)["train"].T_target_source
     cosines = (torch.einsum("bii->b", poses[:, :3, :3]) - 1) / 2
     angles = np.rad2deg(np.arccos(cosines.clamp(-1, 1).numpy()))
     assert 0.5 < angles.max() < 2.0 * 3**0.5 + 1e-6
@@ -78,12 +89,12 @@ def test_the_angles_of_the_scenario_are_degrees() -> None:
 @pytest.mark.usefixtures("project")
 def test_normals_are_those_of_the_boxes_where_the_scenario_gives_them_and_change_no_point() -> None:
     plain, given = made(), made(normals="given")
-    for split, pairs in given.splits.items():
-        assert plain.splits[split].source_normals is plain.splits[split].target_normals is None
+    for split, pairs in given.items():
+        assert plain[split].source_normals is plain[split].target_normals is None
         assert pairs.source_normals is not None
         assert pairs.target_normals is not None
-        torch.testing.assert_close(pairs.source, plain.splits[split].source)
-        torch.testing.assert_close(pairs.target, plain.splits[split].target)
+        torch.testing.assert_close(pairs.source, plain[split].source)
+        torch.testing.assert_close(pairs.target, plain[split].target)
         assert pairs.source_normals.abs().amax(dim=-1).min() > 1 - 1e-6  # boxes lie along the axes
         turned_back = pairs.target_normals.double() @ pairs.T_target_source[:, :3, :3]
         assert turned_back.abs().amax(dim=-1).min() > 1 - 1e-6
@@ -91,14 +102,14 @@ def test_normals_are_those_of_the_boxes_where_the_scenario_gives_them_and_change
 
 @pytest.mark.usefixtures("project")
 def test_counts_repeat_or_leave_out_items() -> None:
-    splits = made(pairs={"train": 13, "val": 2, "test": None}).splits
+    splits = made(pairs={"train": 13, "val": 2, "test": None})
     assert [len(splits[name]) for name in ("train", "val", "test")] == [13, 2, 3]
     assert len(set(splits["train"].item.tolist())) == 6
 
 
 @pytest.mark.usefixtures("project")
 def test_the_record_tells_where_the_pairs_come_from() -> None:
-    preprocessed = made()
+    preprocessed = prepared()
     record: Any = preprocessed.attributes["provenance"]
     assert (record["dataset"], record["source"]) == ("modelnet40", "local")
     assert len(record["files_sha256"]) == 64
@@ -118,7 +129,7 @@ def test_what_the_project_made_itself_has_its_own_licence(blank: Path) -> None:
     made_up = preprocess("kitti", kitti, "kitti", blank / "data/raw/kitti", seed=7)
     record: Any = made_up.attributes["provenance"]
     assert (record["source"], record["licence"]) == ("synthetic", SYNTHETIC_LICENCE)
-    assert (made_up.label, made_up.splits["train"].group) == ("scene", ("00",))
+    assert (made_up.label, joined(made_up.splits["train"].blocks).group) == ("scene", ("00",))
 
 
 def test_given_normals_of_a_data_set_that_has_none_are_refused_by_its_name(blank: Path) -> None:
@@ -132,7 +143,11 @@ def test_given_normals_of_a_data_set_that_has_none_are_refused_by_its_name(blank
     with pytest.raises(
         ValueError, match=r"kitti: no pair of 00/\d+: .* normals, this one has none"
     ):
-        preprocess("kitti", kitti, "kitti", blank / "data/raw/kitti", seed=7)
+        joined(
+            preprocess("kitti", kitti, "kitti", blank / "data/raw/kitti", seed=7)
+            .splits["train"]
+            .blocks
+        )
 
 
 def test_every_family_of_params_has_a_reader_and_a_licence(repository: Path) -> None:

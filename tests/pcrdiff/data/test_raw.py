@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pcrdiff.data.raw import Mesh, check_cloud, check_rigid, sample_oriented, sample_points
@@ -145,3 +147,19 @@ def test_refuses_to_give_normals_that_are_none() -> None:
         with pytest.raises(ValueError, match="needs normals with a direction, got one of length"):
             sample_oriented(cloud, 50, generator=generator)
         assert len(sample_points(cloud, 50, generator=generator)) == 50
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_points_fall_on_the_faces_that_numpy_would_choose(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    vertices = random.normal(size=(12, 3))
+    mesh = Mesh(vertices=vertices, faces=random.integers(0, 12, (30, 3)))
+    a, b, c = (vertices[mesh.faces[:, corner]] for corner in range(3))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=-1)
+    g = np.random.default_rng(seed)
+    chosen = g.choice(30, 64, p=areas / areas.sum())
+    u, v = g.random((2, 64, 1))
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    expected = a[chosen] + u * (b - a)[chosen] + v * (c - a)[chosen]
+    found = sample_points(mesh, 64, generator=np.random.default_rng(seed))
+    np.testing.assert_array_equal(found, expected)

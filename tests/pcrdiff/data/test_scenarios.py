@@ -10,9 +10,18 @@ import pytest
 import torch
 
 from pcrdiff.data.raw import Cloud, Mesh, RawItem
-from pcrdiff.data.scenarios import Corruption, Split, make_pair, make_pairs, split_items
+from pcrdiff.data.scenarios import (
+    BLOCK,
+    Corruption,
+    Split,
+    choose_shown,
+    make_pair,
+    make_pairs,
+    split_items,
+)
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.registration import SPLITS, Pairs
+from tests.pcrdiff.made_up_clouds import joined
 
 PLAIN = Corruption(
     num_points=40,
@@ -39,6 +48,16 @@ def make_items(
         RawItem(f"{group}_{k}", group, split, partial(surface, seed))
         for seed, (group, k) in enumerate(names)
     ]
+
+
+def make(
+    items: Sequence[RawItem],
+    index: Sequence[int],
+    count: int | None,
+    corruption: Corruption,
+    seed: Sequence[int],
+) -> Pairs:
+    return joined(make_pairs(items, choose_shown(index, count, seed), corruption, seed))
 
 
 def official_items() -> list[RawItem]:
@@ -207,17 +226,17 @@ def test_the_pose_stays_in_its_range() -> None:
 
 def test_one_pair_of_each_item_in_order_or_as_many_as_asked_in_another() -> None:
     items = make_items(("a", "b"), 3)
-    each = make_pairs(items, [4, 1, 2], None, PLAIN, [7])
+    each = make(items, [4, 1, 2], None, PLAIN, [7])
     assert each.item.tolist() == [4, 1, 2]
     assert each.group == ("b", "a", "a")
-    many = make_pairs(items, [4, 1, 2], 7, PLAIN, [7])
+    many = make(items, [4, 1, 2], 7, PLAIN, [7])
     assert sorted(many.item.tolist()[:3]) == [1, 2, 4]
     assert many.item[3:].tolist() == [*many.item[:3].tolist(), many.item[0].item()]
 
 
 def test_a_pair_does_not_depend_on_how_many_are_made() -> None:
     items = make_items(("a", "b"), 3)
-    few, many = (make_pairs(items, range(6), count, PLAIN, [7, 1]) for count in (3, 12))
+    few, many = (make(items, range(6), count, PLAIN, [7, 1]) for count in (3, 12))
     assert torch.equal(many.source[:3], few.source)
     assert torch.equal(many.target[:3], few.target)
     assert torch.equal(many.T_target_source[:3], few.T_target_source)
@@ -227,16 +246,14 @@ def test_a_pair_does_not_depend_on_how_many_are_made() -> None:
 def test_the_same_seed_makes_the_same_bytes_and_another_seed_others() -> None:
     items = make_items(("a", "b"), 3)
     corruption = replace(PLAIN, sampling="independent", jitter_deviation=0.01, keep=0.7)
-    first, again, other = (
-        make_pairs(items, range(6), None, corruption, s) for s in ([7], [7], [8])
-    )
+    first, again, other = (make(items, range(6), None, corruption, s) for s in ([7], [7], [8]))
     for name in ("source", "target", "T_target_source"):
         assert getattr(first, name).numpy().tobytes() == getattr(again, name).numpy().tobytes()
         assert not torch.equal(getattr(first, name), getattr(other, name))
 
 
 def test_pairs_keep_their_pose_in_double_and_their_points_in_single_precision() -> None:
-    pairs = make_pairs(make_items(("a",), 2), range(2), None, PLAIN, [0])
+    pairs = make(make_items(("a",), 2), range(2), None, PLAIN, [0])
     assert pairs.source.dtype == pairs.target.dtype == torch.float32
     assert pairs.T_target_source.dtype == torch.float64
 
@@ -247,13 +264,13 @@ def test_refuses_an_item_that_is_too_small_or_unreadable_by_its_name() -> None:
 
     small = RawItem("chair_6", "chair", None, partial(surface, 0, 39))
     with pytest.raises(ValueError, match="no pair of chair_6: sample_points needs 40 points"):
-        make_pairs([small], [0], None, PLAIN, [0])
+        make([small], [0], None, PLAIN, [0])
     broken = RawItem("chair_7", "chair", None, unreadable)
     with pytest.raises(ValueError, match=r"no pair of chair_7: chair_7\.off needs faces"):
-        make_pairs([broken], [0], None, PLAIN, [0])
+        make([broken], [0], None, PLAIN, [0])
     flat = RawItem("chair_8", "chair", None, lambda: np.ones((50, 3)))
     with pytest.raises(ValueError, match=r"no pair of chair_8: .* needs a cloud with extent"):
-        make_pairs([flat], [0], None, PLAIN, [0])
+        make([flat], [0], None, PLAIN, [0])
 
 
 def ball(seed: int) -> Cloud:
@@ -265,7 +282,7 @@ def ball(seed: int) -> Cloud:
 
 def make_balls(corruption: Corruption) -> Pairs:
     items = [RawItem(f"ball_{seed}", "ball", None, partial(ball, seed)) for seed in range(4)]
-    return make_pairs(items, range(4), None, corruption, [7])
+    return make(items, range(4), None, corruption, [7])
 
 
 HARD = replace(PLAIN, sampling="independent", jitter_deviation=0.01, keep=0.7)
@@ -317,4 +334,19 @@ def test_given_normals_are_not_jittered() -> None:
 def test_refuses_to_give_normals_of_an_item_that_has_none_by_its_name() -> None:
     items = make_items(("06",), 1)
     with pytest.raises(ValueError, match=r"no pair of 06_0: .* needs a cloud with normals"):
-        make_pairs(items, [0], None, replace(PLAIN, normals="given"), [0])
+        make(items, [0], None, replace(PLAIN, normals="given"), [0])
+
+
+def test_pairs_come_in_blocks_and_none_is_made_before_it_is_asked_for() -> None:
+    read: list[int] = []
+
+    def watched(seed: int) -> Cloud:
+        read.append(seed)
+        return surface(seed)
+
+    items = [RawItem(f"{k}", "a", None, partial(watched, k)) for k in range(2 * BLOCK + 1)]
+    blocks = make_pairs(items, range(len(items)), PLAIN, [7])
+    assert read == []
+    assert len(next(blocks)) == BLOCK
+    assert read == list(range(BLOCK))
+    assert [len(block) for block in blocks] == [BLOCK, 1]

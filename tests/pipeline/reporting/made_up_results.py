@@ -277,7 +277,8 @@ def write_pairs(
         "provenance": {"source": "synthetic", "root": "/somewhere/raw", "max_rotation_deg": 45.0},
     }
     splits = dict.fromkeys(SPLITS, pairs)
-    artifacts.write_pairs(folder / f"{scenario}.h5", splits, "category", attributes)
+    streamed = {name: artifacts.Streamed(len(each), [each]) for name, each in splits.items()}
+    artifacts.write_pairs(folder / f"{scenario}.h5", streamed, "category", attributes)
 
 
 def cloud(scenario: str, count: int, generator: np.random.Generator) -> np.ndarray:
