@@ -30,7 +30,7 @@ class Effort:
 
 
 FULL = Effort(
-    repeats=15,
+    repeats=9,
     rounds=3,
     pairs=64,
     points=2048,

@@ -86,7 +86,7 @@ def _latency_trace(row: Latency, whole: int) -> Figure:
 
 
 def memory_figure(rows: Sequence[PeakMemory]) -> Figure:
-    """Draw peak memory against the points of a cloud, on linear axes: a line is a growth with them."""
+    """Draw peak memory against the points of a cloud; on linear axes, so that growth shows."""
     traces = []
     for method in sorted({row.method for row in rows}, key=method_rank):
         mine = sorted((row for row in rows if row.method == method), key=lambda row: row.points)

@@ -18,7 +18,7 @@ from tests.pipeline.reporting.made_up_page import make_contents
 
 pytestmark = pytest.mark.slow
 SCENARIOS = ("modelnet40-unseen_objects", "3dmatch", "kitti")
-SECTIONS = 14
+SECTIONS = 15
 
 
 @dataclass(frozen=True)
