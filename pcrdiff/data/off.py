@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from pcrdiff.data.number_rows import DIGITS, parse_rows
+from pcrdiff.data.number_rows import parse_rows
 from pcrdiff.data.raw import Mesh, check_cloud
 
 
@@ -48,10 +48,10 @@ def _read_plain(content: bytes, path: Path) -> Mesh | None:
         return None
     middle, end = line_ends[num_vertices - 1] + 1, line_ends[num_vertices + num_faces - 1]
     vertices = parse_rows(body[:middle], num_vertices, 3)
-    faces = parse_rows(body[middle:end], num_faces, 4, DIGITS)
+    faces = parse_rows(body[middle:end], num_faces, 4, "whole")
     if vertices is None or faces is None or (faces[:, 0] != 3).any():
         return None
-    return _checked(check_cloud(vertices, str(path)), faces[:, 1:].astype(np.int64), path)
+    return _checked(check_cloud(vertices, str(path)), faces[:, 1:], path)
 
 
 # With everything that the format allows, line by line.
