@@ -71,7 +71,7 @@ def _parse(characters: Characters, starts: Places, ends: Places) -> Float64[np.n
     if decimals.any():
         fraction, is_fraction = _parse_digits(characters, ends, decimals)
         whole, is_whole = whole * TENS[decimals] + fraction, is_whole & is_fraction
-    numbers = whole / TENS[decimals].astype(np.float64)
+    numbers: Float64[np.ndarray, " numbers"] = whole / TENS[decimals].astype(np.float64)
     known &= is_whole
     long = np.flatnonzero(known & (digits > EXACT_DIGITS))
     if len(long):
