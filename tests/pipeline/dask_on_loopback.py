@@ -1,5 +1,6 @@
 """A ``dask scheduler`` and ``dask worker`` processes on this machine, as the commands start them."""
 
+import json
 import os
 import subprocess
 import sys
@@ -42,7 +43,8 @@ def dask_cluster(folder: Path, workers: int) -> Iterator[str]:
         for _ in range(workers):
             told = ("--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1")
             stack.enter_context(running(folder, "worker", *told, "--scheduler-file", str(file)))
-        with Client(scheduler_file=str(file), set_as_default=False) as client:  # type: ignore[no-untyped-call]
-            client.wait_for_workers(workers, timeout=SECONDS)
-            address: str = client.scheduler.address
+        address: str = json.loads(file.read_text())["address"]
+        with Client(address, set_as_default=False) as client:  # type: ignore[no-untyped-call]
+            if workers:
+                client.wait_for_workers(workers, timeout=SECONDS)
         yield address

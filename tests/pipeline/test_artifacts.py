@@ -62,7 +62,7 @@ def made_up_pairs(count: int = 3) -> Pairs:
 def streamed(splits: dict[str, Pairs], size: int = 2) -> dict[str, Streamed]:
     """Each split in blocks of ``size`` pairs."""
     return {
-        name: Streamed(len(pairs), map(pairs.select, torch.arange(len(pairs)).split(size)))
+        name: Streamed(len(pairs), map(pairs.select, torch.split(torch.arange(len(pairs)), size)))
         for name, pairs in splits.items()
     }
 

@@ -55,7 +55,8 @@ def die(item: int) -> int:
 
 
 def multiply(factor: np.ndarray, item: np.ndarray) -> np.ndarray:
-    return factor * item
+    product: np.ndarray = factor * item
+    return product
 
 
 # Several processes.
@@ -189,7 +190,7 @@ STAGES = (
 
 def outputs(names: tuple[str, ...]) -> dict[str, bytes]:
     """What the stages write, made anew."""
-    written = {}
+    written: dict[str, bytes] = {}
     for name in names:
         for out in instance(name).outs:
             Path(out).unlink(missing_ok=True)
