@@ -11,19 +11,24 @@ from tempfile import TemporaryDirectory
 
 import h5py
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from benchmarks.measuring import Comparison, alternate
 from pcrdiff.data.modelnet40 import read_items
+from pcrdiff.data.native import open3d
 from pcrdiff.data.raw import RawItem
 from pcrdiff.data.scenarios import Corruption, make_pairs
 from pcrdiff.data.synthetic.modelnet40 import write_modelnet40
 from pipeline.artifacts import Streamed, write_pairs
 from pipeline.params import Compute
+from pipeline.progress import bar
 from pipeline.spreading import spread_over
 from pipeline.timing import forget_peak, resident
 
 NUM_POINTS, WORKERS = 2048, 2
 REAL_TIMES = 4  # there are few real ones at hand
+MEAN_SIZE = 400_000
+"""Bytes that a made-up file has at least; cut into four, the mean is twice that, as of real ones."""
 NOISY = Corruption(NUM_POINTS, "copies", pi / 4, 1.0, 0.01, 0.05, 1.0, "estimated")
 """The scenario ``modelnet40-gaussian_noise``."""
 NUMBER_OF_ITEMS = (400, 1600)
@@ -31,16 +36,38 @@ NUMBER_OF_ITEMS = (400, 1600)
 
 
 def measure_preprocessing(repeats: int) -> list[Comparison]:
-    """Items a second of both on made-up meshes, and on real ones where there are any; memory."""
+    """Items a second of both on made-up meshes, and on real ones where there are any; memory.
+
+    The embedded meshes are small. The first row is of the same shapes with as many triangles as
+    make a file of ModelNet40's mean size.
+    """
     with TemporaryDirectory() as name:
         folder = Path(name)
-        made_up = folder / "modelnet40"
-        write_modelnet40(made_up, train_per_category=8, test_per_category=2, seed=7)
-        found = [compare_speed("preprocess_vs_loop", read_items(made_up), folder, repeats)]
+        small, large = folder / "small", folder / "large"
+        write_modelnet40(small, train_per_category=2, test_per_category=1, seed=7)
+        for path in bar(sorted(small.glob("*/*/*.off")), "meshes as large as ModelNet40's"):
+            refine(path, large / path.relative_to(small))
+        found = [
+            compare_speed("preprocess_vs_loop", read_items(large) * 3, folder, repeats),
+            compare_speed("preprocess_small_meshes_vs_loop", read_items(small), folder, repeats),
+        ]
         if real_meshes().is_dir():
             real = read_items(real_meshes()) * REAL_TIMES
             found.append(compare_speed("preprocess_real_meshes_vs_loop", real, folder, repeats))
-        return [*found, compare_memory(read_items(made_up), folder)]
+        return [*found, compare_memory(read_items(small), folder)]
+
+
+def refine(path: Path, finer: Path) -> None:
+    """Write the mesh with each triangle cut into four until the file is ``MEAN_SIZE`` long."""
+    mesh = open3d.io.read_triangle_mesh(path)
+    finer.parent.mkdir(parents=True, exist_ok=True)
+    while not finer.is_file() or finer.stat().st_size < MEAN_SIZE:
+        mesh = mesh.subdivide_midpoint(1)
+        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
+        with finer.open("w") as file:
+            file.write(f"OFF\n{len(vertices)} {len(faces)} 0\n")
+            np.savetxt(file, vertices, "%.6f")
+            np.savetxt(file, np.insert(faces, 0, 3, axis=1), "%d")
 
 
 def real_meshes() -> Path:
@@ -65,10 +92,6 @@ def ours(items: Sequence[RawItem], out: Path) -> None:
 
 def loop(items: Sequence[RawItem], out: Path) -> None:
     """The same work as it is usually written: one file after the other, all of it in lists."""
-    from scipy.spatial.transform import Rotation
-
-    from pcrdiff.data.native import open3d
-
     generator = np.random.default_rng(7)
     sources, targets, poses = [], [], []
     for item in items:

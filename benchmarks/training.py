@@ -16,7 +16,7 @@ from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.registration import Pairs
 from pipeline.building import build_untrained
-from pipeline.params import Params
+from pipeline.params import Params, read_params
 from pipeline.training import VALIDATION_WALK
 
 WARM_UP = 2
@@ -33,7 +33,7 @@ def measure_training(params: Params, effort: Effort) -> list[Comparison]:
     found = []
     for name, sizes in (("cf", effort.cf_step), ("cb", effort.cb_step)):
         ours, plain = steppers(name, params, sizes)
-        with ElsewhereStepper(name, params, sizes) as elsewhere:
+        with ElsewhereStepper(name, sizes) as elsewhere:
             calls = [ours, elsewhere.step, plain]
             seconds = alternate(calls, effort.repeats, WARM_UP)
         found += [
@@ -75,12 +75,12 @@ def steppers(
 class ElsewhereStepper:
     """The plain network in a new process, which steps when it is asked to."""
 
-    def __init__(self, name: str, params: Params, sizes: tuple[int, int]) -> None:
-        """Start it; ``step`` waits for it the first time."""
+    def __init__(self, name: str, sizes: tuple[int, int]) -> None:
+        """Start it, on the params.yaml of the current folder; the first ``step`` waits for it."""
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
         threads = torch.get_num_threads()
-        self.process = context.Process(target=serve, args=(theirs, name, params, sizes, threads))
+        self.process = context.Process(target=serve, args=(theirs, name, sizes, threads))
         self.process.start()
         theirs.close()
 
@@ -101,12 +101,10 @@ class ElsewhereStepper:
         self.process.join()
 
 
-def serve(
-    pipe: Connection, name: str, params: Params, sizes: tuple[int, int], threads: int
-) -> None:
+def serve(pipe: Connection, name: str, sizes: tuple[int, int], threads: int) -> None:
     """Step as often as the other end asks, until it hangs up."""
     torch.set_num_threads(threads)
-    _, plain = steppers(name, params, sizes)
+    _, plain = steppers(name, read_params(), sizes)
     with suppress(EOFError):
         while True:
             pipe.recv()
