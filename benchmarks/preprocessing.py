@@ -26,7 +26,7 @@ from pipeline.spreading import spread_over
 from pipeline.timing import forget_peak, resident
 
 NUM_POINTS, WORKERS = 2048, 2
-REAL_TIMES = 4  # there are few real ones at hand
+REAL_TIMES = 12  # there are few real ones at hand
 MEAN_SIZE = 400_000
 """Bytes that a made-up file has at least; cut into four, the mean is twice that, as of real ones."""
 NOISY = Corruption(NUM_POINTS, "copies", pi / 4, 1.0, 0.01, 0.05, 1.0, "estimated")
@@ -49,7 +49,9 @@ def measure_preprocessing(repeats: int) -> list[Comparison]:
             refine(path, large / path.relative_to(small))
         found = [
             compare_speed("preprocess_vs_loop", read_items(large) * 3, folder, repeats),
-            compare_speed("preprocess_small_meshes_vs_loop", read_items(small), folder, repeats),
+            compare_speed(
+                "preprocess_small_meshes_vs_loop", read_items(small) * 6, folder, repeats
+            ),
         ]
         if real_meshes().is_dir():
             real = read_items(real_meshes()) * REAL_TIMES
