@@ -20,6 +20,7 @@ from pcrdiff.data.raw import RawItem
 from pcrdiff.data.scenarios import Corruption, make_pairs
 from pcrdiff.data.synthetic.modelnet40 import write_modelnet40
 from pipeline.artifacts import Streamed, write_pairs
+from pipeline.machine import settle
 from pipeline.params import Compute
 from pipeline.spreading import spread_over
 from pipeline.timing import forget_peak, resident
@@ -65,7 +66,8 @@ def real_meshes() -> Path:
 
 
 def ours(items: Sequence[RawItem], out: Path) -> None:
-    """Make a pair of each item with two workers, and write the pair file."""
+    """Make a pair of each item with two workers, and write the pair file, as the stage does."""
+    settle(threads=1)
     spread = spread_over(Compute(workers=WORKERS, scheduler=None), threads=1)
     third = len(items) // 3
     parts = (range(third), range(third, 2 * third), range(2 * third, len(items)))
@@ -87,7 +89,7 @@ def loop(items: Sequence[RawItem], out: Path) -> None:
     sources, targets, poses = [], [], []
     for item in items:
         path = item.read.args[0]  # type: ignore[attr-defined]  # a partial of read_off
-        mesh = open3d.io.read_triangle_mesh(str(path))
+        mesh = open3d.io.read_triangle_mesh(path)
         points = np.asarray(mesh.sample_points_uniformly(NUM_POINTS).points)
         points = points - points.mean(axis=0)
         points = points / np.linalg.norm(points, axis=1).max()

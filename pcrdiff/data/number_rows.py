@@ -1,10 +1,15 @@
 """Rows of numbers in text, parsed all at once: what takes longest in reading a mesh."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Bool, Float64, Int64, UInt8, UInt64
 
 Characters = UInt8[np.ndarray, " bytes"]
 Places = Int64[np.ndarray, " numbers"]
+Wholes = UInt64[np.ndarray, " numbers"]
+Known = Bool[np.ndarray, " numbers"]
+Table = Float64[np.ndarray, "rows columns"]
 BLANKS, DIGITS, REALS = b" \t\r\n", b"-0123456789", b"+-.0123456789eE"
 """What there is between numbers, and what whole numbers and others are made of."""
 WORD = 8
@@ -18,30 +23,41 @@ HAS_64_BITS = np.finfo(np.longdouble).nmant == 63
 """Whether ``longdouble`` is x86's, which holds any 64-bit whole number."""
 
 
-def parse_rows(
-    text: bytes, num_rows: int, num_columns: int, made_of: bytes = REALS
-) -> Float64[np.ndarray, "rows columns"] | None:
-    """The numbers of a text of ``num_rows`` lines of ``num_columns`` numbers, blanks between.
+def parse_rows(text: bytes, tables: Sequence[tuple[int, int]]) -> list[Table] | None:
+    """The numbers of tables that follow each other: so many lines, so many numbers a line.
 
     The same values, to the last bit, as Python's ``float`` gives.
 
     Returns:
         None where the text is anything else; what it is then, is for a patient reader to find out.
     """
-    if text.translate(None, BLANKS + made_of):
+    if text.translate(None, BLANKS + REALS):
         return None
-    characters = np.frombuffer(b" " * WORD + text.removesuffix(b"\n"), np.uint8)
+    characters = np.frombuffer(b" " * WORD + text + b"\n", np.uint8)
     starts, ends = _find_numbers(characters)
     line_ends = np.flatnonzero(characters == ord("\n"))
-    if len(starts) != num_rows * num_columns or len(line_ends) != num_rows - 1:
-        return None
-    first, last = starts[::num_columns], starts[num_columns - 1 :: num_columns]
-    if (last[:-1] > line_ends).any() or (first[1:] < line_ends).any():
+    if not _lie_in_rows(starts, line_ends, tables):
         return None
     try:
-        return _parse(characters, starts, ends).reshape(num_rows, num_columns)
+        numbers = _parse(characters, starts, ends)
     except ValueError:
         return None
+    cuts = np.cumsum([rows * columns for rows, columns in tables])[:-1]
+    parts = zip(np.split(numbers, cuts), tables, strict=True)
+    return [part.reshape(shape) for part, shape in parts]
+
+
+def _lie_in_rows(
+    starts: Places, line_ends: Int64[np.ndarray, " lines"], tables: Sequence[tuple[int, int]]
+) -> bool:
+    """Whether each line has as many numbers as its table has columns, and there is no more."""
+    total, lines = sum(rows * columns for rows, columns in tables), sum(r for r, _ in tables)
+    if len(starts) != total or len(line_ends) != lines:
+        return False
+    per_line = np.repeat([columns for _, columns in tables], [rows for rows, _ in tables])
+    last = per_line.cumsum() - 1
+    first = starts[last[:-1] + 1]
+    return not ((starts[last] > line_ends).any() or (first < line_ends[:-1]).any())
 
 
 def _find_numbers(characters: Characters) -> tuple[Places, Places]:
@@ -62,35 +78,53 @@ def _parse(characters: Characters, starts: Places, ends: Places) -> Float64[np.n
         ValueError: One is no number.
     """
     negative = characters[starts] == ord("-")
-    points = _find_points(characters, ends)
-    decimals = np.maximum(ends - points - 1, 0)
-    digits = points - starts - negative + decimals
-    known = (digits > 0) & (digits <= MOST_DIGITS)
-    decimals[~known] = 0
-    whole, is_whole = _parse_digits(characters, points, digits - decimals)
-    if decimals.any():
-        fraction, is_fraction = _parse_digits(characters, ends, decimals)
-        whole, is_whole = whole * TENS[decimals] + fraction, is_whole & is_fraction
-    numbers: Float64[np.ndarray, " numbers"] = whole / TENS[decimals].astype(np.float64)
-    known &= is_whole
-    long = np.flatnonzero(known & (digits > EXACT_DIGITS))
-    if len(long):
-        numbers[long], known[long] = _divide(whole[long], TENS[decimals[long]])
+    broken, points = _find_points(characters, ends)
+    whole_ends = ends.copy()
+    whole_ends[broken] = points
+    lengths = whole_ends - starts - negative
+    whole, known = _parse_digits(characters, whole_ends, lengths)
+    known &= lengths > 0
+    numbers = whole.astype(np.float64)
+    decimals = ends[broken] - points - 1
+    numbers[broken], known[broken] = _add_decimals(
+        characters, (whole[broken], lengths[broken], known[broken]), ends[broken], decimals
+    )
     numbers = np.where(negative, -numbers, numbers)
-    others, text = np.flatnonzero(~known), characters.tobytes()
-    places = zip(starts[others].tolist(), ends[others].tolist(), strict=True)
-    numbers[others] = [float(text[start:end]) for start, end in places]
+    others = np.flatnonzero(~known)
+    if len(others):
+        text, places = characters.tobytes(), zip(starts[others], ends[others], strict=True)
+        numbers[others] = [float(text[start:end]) for start, end in places]
     return numbers
 
 
-def _find_points(characters: Characters, ends: Places) -> Places:
-    """The decimal point of each number; its end where it has none."""
+def _find_points(
+    characters: Characters, ends: Places
+) -> tuple[Int64[np.ndarray, " broken"], Int64[np.ndarray, " broken"]]:
+    """Which numbers have a decimal point, and where; of several points in one the last."""
     points = np.flatnonzero(characters == ord("."))
-    if len(points) == len(ends) and (points < ends).all() and (points[1:] > ends[:-1]).all():
-        return points
-    found = ends.copy()
-    found[np.searchsorted(ends, points)] = points
-    return found
+    numbers = np.searchsorted(ends, points)
+    last = np.append(numbers[1:] != numbers[:-1], True)[: len(points)]
+    return numbers[last], points[last]
+
+
+def _add_decimals(
+    characters: Characters,
+    before: tuple[Wholes, Places, Known],
+    ends: Places,
+    decimals: Places,
+) -> tuple[Float64[np.ndarray, " numbers"], Known]:
+    """Numbers of what stands before their point (value, digits, whether known) and after it."""
+    whole, lengths, known = before
+    fits = (lengths + decimals > 0) & (lengths + decimals <= MOST_DIGITS)
+    tens = TENS.take(np.where(fits, decimals, 0))
+    fraction, is_fraction = _parse_digits(characters, ends, decimals)
+    whole = whole * tens + fraction
+    known = fits & is_fraction & (known | (lengths == 0))
+    numbers = whole / tens.astype(np.float64)
+    long = np.flatnonzero(known & (lengths + decimals > EXACT_DIGITS))
+    if len(long):
+        numbers[long], known[long] = _divide(whole[long], tens[long])
+    return numbers, known
 
 
 def _divide(
@@ -109,7 +143,7 @@ def _parse_digits(
 ) -> tuple[UInt64[np.ndarray, " numbers"], Bool[np.ndarray, " numbers"]]:
     """Whole numbers by their last digits, and whether they are digits; none is 0."""
     total, good = _parse_word(characters, ends, np.clip(lengths, 0, WORD))
-    longest = min(int(lengths.max()), MOST_DIGITS)
+    longest = min(int(lengths.max(initial=0)), MOST_DIGITS)
     for done in range(WORD, longest, WORD):
         places = np.maximum(ends - done, WORD)
         more, fine = _parse_word(characters, places, np.clip(lengths - done, 0, WORD))

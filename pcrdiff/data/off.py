@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from pcrdiff.data.number_rows import DIGITS, parse_rows
+from pcrdiff.data.number_rows import BLANKS, DIGITS, parse_rows
 from pcrdiff.data.raw import Mesh, check_cloud
 
 
@@ -47,10 +47,12 @@ def _read_plain(content: bytes, path: Path) -> Mesh | None:
     if num_vertices == 0 or num_faces == 0 or len(line_ends) < num_vertices + num_faces:
         return None
     middle, end = line_ends[num_vertices - 1] + 1, line_ends[num_vertices + num_faces - 1]
-    vertices = parse_rows(body[:middle], num_vertices, 3)
-    faces = parse_rows(body[middle:end], num_faces, 4, DIGITS)
-    if vertices is None or faces is None or (faces[:, 0] != 3).any():
+    if body[middle:end].translate(None, BLANKS + DIGITS):
         return None
+    tables = parse_rows(body[:end], [(num_vertices, 3), (num_faces, 4)])
+    if tables is None or (tables[1][:, 0] != 3).any():
+        return None
+    vertices, faces = tables
     return _checked(check_cloud(vertices, str(path)), faces[:, 1:].astype(np.int64), path)
 
 
