@@ -83,7 +83,7 @@ def _parse(characters: Characters, starts: Places, ends: Places) -> Float64[np.n
     whole_ends[broken] = points
     lengths = whole_ends - starts - negative
     whole, known = _parse_digits(characters, whole_ends, lengths)
-    known &= lengths > 0
+    known &= (lengths > 0) & (lengths <= MOST_DIGITS)
     numbers = whole.astype(np.float64)
     decimals = ends[broken] - points - 1
     numbers[broken], known[broken] = _add_decimals(

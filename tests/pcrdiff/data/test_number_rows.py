@@ -9,7 +9,19 @@ from hypothesis import strategies as st
 
 from pcrdiff.data.number_rows import parse_rows
 
-ROW = ["0", "-0", "0.0", "-0.5", "3.", ".25", "12345678", "123456789012345", "1e-5", "+7"]
+ROW = [
+    "0",
+    "-0",
+    "0.0",
+    "-0.5",
+    "3.",
+    ".25",
+    "12345678",
+    "123456789012345",
+    "18446744073709551616",
+    "1e-5",
+    "+7",
+]
 WRITTEN = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False).map(repr),
     st.floats(-1e6, 1e6).map(lambda x: f"{x:.6f}"),
