@@ -51,10 +51,10 @@ def measure() -> list[Row]:
         folder = Path(name)
         made_up = folder / "modelnet40"
         write_modelnet40(made_up, train_per_category=8, test_per_category=2, seed=7)
-        rows = [_compare("preprocess_vs_loop", read_items(made_up), folder)]
+        rows = [_compare("preprocess_vs_loop", read_items(made_up) * 5, folder)]
         if real_meshes().is_dir():
             real = read_items(real_meshes())
-            rows.append(_compare("preprocess_vs_loop_real_meshes", real * 4, folder))
+            rows.append(_compare("preprocess_vs_loop_real_meshes", real * 12, folder))
         return [*rows, _memory(read_items(made_up), folder)]
 
 
@@ -69,8 +69,8 @@ def ours(items: Sequence[RawItem], out: Path) -> None:
     """Make a pair of each item with two workers, and write the pair file, as the stage does."""
     settle(threads=1)
     spread = spread_over(Compute(workers=WORKERS, scheduler=None), threads=1)
-    third = len(items) // 3
-    parts = (range(third), range(third, 2 * third), range(2 * third, len(items)))
+    val, test = len(items) * 8 // 10, len(items) * 9 // 10
+    parts = (range(val), range(val, test), range(test, len(items)))
     splits = {
         name: Streamed(len(part), make_pairs(items, part, NOISY, [7], spread=spread))
         for name, part in zip(("train", "val", "test"), parts, strict=True)
