@@ -1,6 +1,6 @@
 """(i) Training steps a second, beside the same network in plain PyTorch."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -16,7 +16,7 @@ from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.registration import Pairs
 from pipeline.building import build_untrained
-from pipeline.params import Params, read_params
+from pipeline.params import Params
 from pipeline.training import VALIDATION_WALK
 
 WARM_UP = 2
@@ -30,12 +30,12 @@ def measure_training(params: Params, effort: Effort) -> list[Comparison]:
     else: the allocator and denormal numbers are as PyTorch finds them. A second row of each
     measures it in this process, where they are as this project's stages have them.
     """
-    found = []
-    for name, sizes in (("cf", effort.cf_step), ("cb", effort.cb_step)):
-        ours, plain = steppers(name, params, sizes)
-        with ElsewhereStepper(name, sizes) as elsewhere:
-            calls = [ours, elsewhere.step, plain]
-            seconds = alternate(calls, effort.repeats, WARM_UP)
+    paper, found = read_paper_params(), []
+    for name, (count, points) in (("cf", effort.cf_step), ("cb", effort.cb_step)):
+        pairs = make_pairs(params, points, count)["train"]
+        ours, plain = steppers(name, paper, pairs)
+        with ElsewhereStepper(name, paper, pairs) as elsewhere:
+            seconds = alternate([ours, elsewhere.step, plain], effort.repeats, WARM_UP)
         found += [
             rates(f"{name}_train_step_vs_plain", seconds[0], seconds[1]),
             rates(f"{name}_train_step_vs_plain_settled", seconds[0], seconds[2]),
@@ -50,12 +50,11 @@ def rates(name: str, ours: Sequence[float], peer: Sequence[float]) -> Comparison
 
 
 def steppers(
-    name: str, params: Params, sizes: tuple[int, int]
+    name: str, paper: Params, pairs: Pairs
 ) -> tuple[Callable[[], None], Callable[[], None]]:
     """A whole training step of a method of ours, and of the same network in plain PyTorch."""
-    paper = read_paper_params()
     walk = paper.diffusion.model_copy(update=VALIDATION_WALK)
-    torch.manual_seed(params.seed)
+    torch.manual_seed(paper.seed)
     method = build_untrained(f"pcrdiffusion_{name}", paper.methods, walk)
     if isinstance(method, PCRDiffusionCF):
         plain: PlainCF | PlainCB = PlainCF(method)
@@ -63,8 +62,6 @@ def steppers(
         plain = PlainCB(method)
     else:
         raise TypeError(f"training is measured of CF and CB, got {type(method)}")
-    count, points = sizes
-    pairs = make_pairs(params, points, count)["train"]
     adam = torch.optim.Adam
     return (
         stepper((method.loss, method), adam(method.parameters(), lr=1e-3, fused=True), pairs),
@@ -75,12 +72,12 @@ def steppers(
 class ElsewhereStepper:
     """The plain network in a new process, which steps when it is asked to."""
 
-    def __init__(self, name: str, sizes: tuple[int, int]) -> None:
-        """Start it, on the params.yaml of the current folder; the first ``step`` waits for it."""
+    def __init__(self, name: str, paper: Params, pairs: Pairs) -> None:
+        """Start it; the first ``step`` waits for it."""
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        threads = torch.get_num_threads()
-        self.process = context.Process(target=serve, args=(theirs, name, sizes, threads))
+        told = (theirs, name, paper.model_dump(), pairs, torch.get_num_threads())
+        self.process = context.Process(target=serve, args=told)
         self.process.start()
         theirs.close()
 
@@ -101,10 +98,12 @@ class ElsewhereStepper:
         self.process.join()
 
 
-def serve(pipe: Connection, name: str, sizes: tuple[int, int], threads: int) -> None:
+def serve(
+    pipe: Connection, name: str, paper: Mapping[str, object], pairs: Pairs, threads: int
+) -> None:
     """Step as often as the other end asks, until it hangs up."""
     torch.set_num_threads(threads)
-    _, plain = steppers(name, read_params(), sizes)
+    _, plain = steppers(name, Params.model_validate(paper), pairs)
     with suppress(EOFError):
         while True:
             pipe.recv()
