@@ -27,7 +27,7 @@ from pipeline.progress import bar
 
 SCENARIO, METHOD = "modelnet40-unseen_objects", "pcrdiffusion_cf"
 SEEDS = (0, 1, 2)
-OUT = Path("benchmarks/precision.csv")
+OUT = Path("benchmarks/details/precision.csv")
 COLUMNS = ("search", "seed", "steps", "error_r_deg", "pairs")
 
 

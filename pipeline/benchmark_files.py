@@ -1,4 +1,4 @@
-"""The format of ``benchmarks/*.csv``: what `make bench` measured, and what the report shows of it."""
+"""The format of ``benchmarks/**/*.csv``: what `make bench` measured, and what the report shows of it."""
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
@@ -28,7 +28,7 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Latency:
-    """A row of ``latency.csv``: one method, in one setting, on the same pairs as the others."""
+    """A row of ``details/latency.csv``: one method, in one setting, on the same pairs as the others."""
 
     method: str
     setting: str
@@ -52,7 +52,7 @@ class Latency:
 
 @dataclass(frozen=True)
 class PeakMemory:
-    """A row of ``memory.csv``: one registration in a fresh process."""
+    """A row of ``details/memory.csv``: one registration in a fresh process."""
 
     method: str
     points: int
@@ -65,7 +65,7 @@ class PeakMemory:
 
 @dataclass(frozen=True)
 class Ceiling:
-    """A row of ``ceilings.csv``: what the machine can do, or how much of it a loop gets."""
+    """A row of ``details/ceilings.csv``: what the machine can do, or how much of it a loop gets."""
 
     name: str
     kind: str
@@ -94,9 +94,8 @@ class Benchmarks:
 
 
 Row = TypeVar("Row", Ratio, Latency, PeakMemory, Ceiling)
-SPEED, LATENCY, MEMORY, CEILINGS = (
-    f"{name}.csv" for name in ("speed", "latency", "memory", "ceilings")
-)
+SPEED = "speed.csv"
+LATENCY, MEMORY, CEILINGS = (f"details/{name}.csv" for name in ("latency", "memory", "ceilings"))
 
 
 def write_benchmarks(folder: Path, found: Benchmarks) -> None:

@@ -12,10 +12,11 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     found = make_benchmarks()
     write_benchmarks(tmp_path, found)
     assert read_benchmarks(tmp_path) == found
-    assert sorted(file.name for file in tmp_path.iterdir()) == [
-        "ceilings.csv",
-        "latency.csv",
-        "memory.csv",
+    files = (file for file in tmp_path.rglob("*") if file.is_file())
+    assert sorted(file.relative_to(tmp_path).as_posix() for file in files) == [
+        "details/ceilings.csv",
+        "details/latency.csv",
+        "details/memory.csv",
         "speed.csv",
     ]
 
@@ -29,7 +30,7 @@ def test_ratios_alone_are_enough(tmp_path: Path) -> None:
     found = make_benchmarks()
     write_benchmarks(tmp_path, found)
     for name in ("latency", "memory", "ceilings"):
-        (tmp_path / f"{name}.csv").unlink()
+        (tmp_path / "details" / f"{name}.csv").unlink()
     assert read_benchmarks(tmp_path) == Benchmarks(found.ratios, [], [], [])
 
 
