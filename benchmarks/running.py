@@ -100,12 +100,13 @@ def memory(params: Params, effort: Effort, environment: str) -> Benchmarks:
 
 def preprocessing(params: Params, effort: Effort, environment: str) -> Benchmarks:
     """Raw shapes to pairs, on all processors."""
-    from benchmarks.preprocessing import measure_preprocessing
+    from benchmarks.preprocessing import WORKERS, measure_preprocessing
 
     del params
     with every_processor():
         found = measure_preprocessing(effort.rounds)
-    return Benchmarks(ratios=[compare(each, environment) for each in found])
+    where = f"{environment}; {WORKERS} workers"
+    return Benchmarks(ratios=[compare(each, where) for each in found])
 
 
 def ceilings(params: Params, effort: Effort, environment: str) -> Benchmarks:
