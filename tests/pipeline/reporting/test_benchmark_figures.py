@@ -91,7 +91,7 @@ def test_ratios_come_first_with_the_machine_they_belong_to(contents: Contents) -
     )
     assert '<td data-value="6.5"><strong>6.50</strong></td>' in text
     assert text.count('id="plot-bench-') == 3
-    for file in ("speed", "latency", "memory", "ceilings"):
+    for file in ("speed", "details/latency", "details/memory", "details/ceilings"):
         assert f"benchmarks/{file}.csv" in text
 
 
