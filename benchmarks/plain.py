@@ -11,7 +11,7 @@ from copy import deepcopy
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn.functional import normalize, pad, softplus
+from torch.nn.functional import normalize, pad
 
 from pcrdiff.diffusion.process import corrupt
 from pcrdiff.geometry.procrustes import fit_rigid
@@ -19,6 +19,7 @@ from pcrdiff.geometry.rigid import transform
 from pcrdiff.losses import diffusion_loss, matching_losses, pose_loss
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
+from pcrdiff.models.attention import CrossCloudAttention
 from pcrdiff.models.fusion import fuse
 from pcrdiff.registration import Pairs
 
@@ -102,51 +103,19 @@ class PlainEmbedding(nn.Module):
         return pooled
 
 
-class PlainAttention(nn.Module):
+class PlainAttention(CrossCloudAttention):
     """EGST's layer with the scores written out."""
-
-    def __init__(self, dim: int, heads: int) -> None:
-        super().__init__()
-        self.heads = heads
-        self.own = nn.Linear(dim, dim, bias=False)
-        self.query = nn.Linear(dim, dim, bias=False)
-        self.other = nn.Linear(dim, dim, bias=False)
-        self.out = nn.Linear(dim, dim)
-        self.feed = nn.Sequential(nn.Linear(dim, 2 * dim), nn.ReLU(), nn.Linear(2 * dim, dim))
-        self.norm_attention, self.norm_feed = nn.LayerNorm(dim), nn.LayerNorm(dim)
 
     def forward(
         self, features: Float[Tensor, "batch n dim"], other: Float[Tensor, "batch m dim"]
     ) -> Float[Tensor, "batch n dim"]:
         """Unit features of the first cloud that know of the second."""
-        query = self.split(self.query(features))
-        keys = self.split(torch.cat([self.own(features), self.other(other)], dim=1))
+        query = self._split(self.query(features))
+        keys = self._split(torch.cat([self.own(features), self.other(other)], dim=1))
         scores = (query @ keys.mT) / query.shape[-1] ** 0.5
         attended = (scores.softmax(dim=-1) @ keys).transpose(1, 2).flatten(2)
         mixed = self.norm_attention(features + self.out(attended))
         return normalize(self.norm_feed(mixed + self.feed(mixed)), dim=-1)
-
-    def split(self, x: Float[Tensor, "batch points dim"]) -> Float[Tensor, "batch h points d"]:
-        """A head beside the other."""
-        batch, points, _ = x.shape
-        return x.view(batch, points, self.heads, -1).transpose(1, 2)
-
-
-class PlainAnnealing(nn.Module):
-    """RPM-Net's alpha and beta."""
-
-    def __init__(self, annealing: nn.Module) -> None:
-        super().__init__()
-        self.encoder = PlainPointNet(annealing.get_submodule("encoder"))
-        self.head = deepcopy(annealing.get_submodule("head"))
-
-    def forward(
-        self, source: Float[Tensor, "batch n 3"], target: Float[Tensor, "batch m 3"]
-    ) -> tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]]:
-        """(alpha, beta)."""
-        flagged = torch.cat([pad(source, (0, 1), value=0.0), pad(target, (0, 1), value=1.0)], 1)
-        beta, alpha = softplus(self.head(self.encoder(flagged))).unbind(-1)
-        return alpha, beta
 
 
 class PlainCB(nn.Module):
@@ -159,7 +128,8 @@ class PlainCB(nn.Module):
         self.embedding = PlainEmbedding(11, dim)
         self.pose_encoder = deepcopy(method.pose_encoder)
         self.attention = PlainAttention(dim, method.attention.heads)
-        self.annealing = PlainAnnealing(method.annealing)
+        self.annealing = deepcopy(method.annealing)
+        self.annealing.encoder = PlainPointNet(method.annealing.encoder)  # type: ignore[assignment]
         self.alphas_bar, self.radius, self.neighbours = (
             method.alphas_bar,
             method.radius,

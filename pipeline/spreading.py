@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from distributed import Client
 
 Output = TypeVar("Output", covariant=True)
+# What is unpickled below are bytes that this process made of its own objects, never a file. Each
+# worker so has a copy without what belongs to this process alone (`pcrdiff.isolation`).
+
 AHEAD = 4
 """Items that are on their way to a worker, in one, or back: with them memory stays bounded."""
 PATIENCE_S = 10

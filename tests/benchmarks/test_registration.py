@@ -38,7 +38,8 @@ class LearnedShifts(LearnedMethod):
 
     def loss(self, pairs: Pairs, *, generator: torch.Generator) -> dict[str, Tensor]:
         """Nothing to learn."""
-        raise NotImplementedError
+        del pairs, generator
+        return {}
 
 
 def shifted_pairs(count: int = 6, points: int = 8) -> Pairs:

@@ -28,7 +28,6 @@ def test_the_command_starts_anew_under_the_variables(monkeypatch: pytest.MonkeyP
     assert told == [sys.executable, command, dict.fromkeys(VARIABLES, "1")]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells and sets processors")
 def test_under_the_variables_it_goes_on_with_one_processor(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from pcrdiff.processes import ALONE
+from pcrdiff.training import Epoch
 from pipeline.processes import check_agreement, join
 from tests.described import REPOSITORY
 from tests.pipeline.training_together import EPOCHS, NAMES, RESUMED, Memory, Outcome, outcome
@@ -24,11 +25,12 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, int], 
         command, cwd=REPOSITORY, env=environment, capture_output=True, text=True, timeout=120
     )
     assert done.returncode == 0, done.stderr
-    return {
-        (name, rank): Outcome(**torch.load(folder / f"{name}-{rank}.pt", weights_only=False))
-        for name in (*NAMES, RESUMED)
-        for rank in range(2)
-    }
+    with torch.serialization.safe_globals([Epoch]):
+        return {
+            (name, rank): Outcome(**torch.load(folder / f"{name}-{rank}.pt", weights_only=True))
+            for name in (*NAMES, RESUMED)
+            for rank in range(2)
+        }
 
 
 def same(a: Outcome, b: Outcome) -> bool:
