@@ -1,0 +1,38 @@
+"""Listing folders so that nothing which cannot be listed is passed over in silence."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+
+def entries(folder: Path) -> list[Path]:
+    """What a folder holds, by name; ``Path.glob`` would take one that cannot be read for empty.
+
+    Raises:
+        OSError: The folder cannot be listed: no permission, an input error, a stale mount. The
+            sentence names it.
+    """
+    try:
+        return sorted(folder.iterdir())
+    except OSError as error:
+        raise type(error)(f"{folder} cannot be listed: {error.strerror or error}") from error
+
+
+def walk_files(folder: Path) -> Iterator[Path]:
+    """Every file below a folder, links followed; each real folder is entered once.
+
+    Raises:
+        OSError: As for ``entries``, for any folder below.
+    """
+    seen: set[tuple[int, int]] = set()
+    waiting = [folder]
+    while waiting:
+        place = waiting.pop()
+        status = place.stat()
+        if (status.st_dev, status.st_ino) in seen:
+            continue
+        seen.add((status.st_dev, status.st_ino))
+        for path in entries(place):
+            if path.is_dir():
+                waiting.append(path)
+            elif path.is_file():
+                yield path
