@@ -8,9 +8,10 @@ from torch import nn
 
 from benchmarks.effort import Effort
 from benchmarks.measuring import Summary, alternate, summarise
+from pcrdiff.geometry.precision import multiplies_in_bfloat16
 from pcrdiff.losses import chamfer_loss
 from pcrdiff.models.matching import sinkhorn
-from pcrdiff.models.pointnet import BFLOAT16, PointNet
+from pcrdiff.models.pointnet import PointNet
 from pcrdiff.models.structure import DESCRIPTOR_DIM, StructureEmbedding
 from pipeline.benchmark_files import Ceiling
 
@@ -72,7 +73,8 @@ def row(work: Work, took: Summary, gemm: float, copy: float, environment: str) -
 def machine_works(effort: Effort) -> Iterable[Work]:
     """Products of a large shape and of one cloud's widest layer, and a copy beyond the caches."""
     side, points = effort.gemm, effort.cf_step[1]
-    for dtype in (torch.float32, torch.bfloat16)[: 1 + BFLOAT16]:  # emulated it takes minutes
+    fast = (torch.float32, torch.bfloat16) if multiplies_in_bfloat16() else (torch.float32,)
+    for dtype in fast:  # emulated, bfloat16 takes minutes
         name = str(dtype).removeprefix("torch.")
         yield product(f"large {name} product", (side, side, side), dtype)
         yield product(f"one cloud's {name} product", (WIDTHS[-1], WIDTHS[-2], points), dtype)

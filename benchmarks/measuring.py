@@ -10,11 +10,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pcrdiff.models import pointnet
+from pcrdiff.geometry.precision import search_precision
 from pipeline.benchmark_files import Ratio
-
-SEARCH_PRECISION = "bfloat16" if getattr(pointnet, "BFLOAT16", False) else "float32"
-"""Of the search for a cloud's critical points on this processor."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +101,7 @@ def describe_environment() -> str:
             _counted(os.cpu_count() or 1, "core"),
             _counted(threads, "thread"),
             f"torch {torch.__version__.partition('+')[0]}",
-            f"{SEARCH_PRECISION} search",
+            f"{search_precision()} search",
         ]
     )
 

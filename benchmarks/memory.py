@@ -50,7 +50,7 @@ def measure_memory(
 def register_once(method: str, points: int) -> MemoryRow:
     """Register in this process, which should have done nothing before."""
     params = read_params()
-    settle(params.threads)
+    settle(params.threads, params.search_precision)
     torch.manual_seed(params.seed)
     setting = settings_of(method, params.methods)[-1]
     network = build_learned(method, setting, params.methods, params.diffusion).eval()

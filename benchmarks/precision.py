@@ -8,15 +8,14 @@ numbers slowly.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from unittest.mock import patch
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from pcrdiff.evaluation import evaluate
+from pcrdiff.geometry.precision import SearchPrecision, set_search_precision
 from pcrdiff.metrics import error_r_deg
-from pcrdiff.models import pointnet
 from pcrdiff.registration import Pairs
 from pcrdiff.training import Budget, FreshPoses, Trainer, train
 from pipeline.artifacts import read_pairs, write_csv
@@ -25,6 +24,7 @@ from pipeline.machine import settle
 from pipeline.params import Params, read_params
 from pipeline.progress import bar
 
+SEARCHES: tuple[SearchPrecision, ...] = ("float32", "bfloat16")
 SCENARIO, METHOD = "modelnet40-unseen_objects", "pcrdiffusion_cf"
 SEEDS = (0, 1, 2)
 OUT = Path("benchmarks/details/precision.csv")
@@ -44,19 +44,6 @@ class Nowhere:
 
     def save(self, tensors: Mapping[str, Tensor], record: Mapping[str, object]) -> None:
         """Nowhere."""
-
-
-def rounded_scores(weight: Tensor, hidden: Tensor) -> Tensor:
-    """``W H^T`` of factors rounded to bfloat16, summed in float32."""
-    return weight.bfloat16().float() @ hidden.bfloat16().float().mT
-
-
-def exact_scores(weight: Tensor, hidden: Tensor) -> Tensor:
-    """``W H^T`` in float32, whatever the processor has."""
-    return weight @ hidden.mT
-
-
-SEARCHES = {"float32": exact_scores, "bfloat16": rounded_scores}
 
 
 def trained_error(params: Params, splits: Mapping[str, Pairs], seed: int) -> tuple[int, float]:
@@ -80,9 +67,9 @@ def measure(params: Params, pairs: Path, seeds: Sequence[int] = SEEDS) -> list[l
     splits = {name: read_pairs(pairs, name) for name in ("train", "val", "test")}
     rows: list[list[object]] = []
     for seed in seeds:
-        for search, scores in SEARCHES.items():
-            with patch.object(pointnet, "search_scores", scores):
-                steps, error = trained_error(params, splits, seed)
+        for search in SEARCHES:
+            set_search_precision(search)
+            steps, error = trained_error(params, splits, seed)
             rows.append([search, seed, steps, error, len(splits["test"])])
     return rows
 

@@ -39,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     if args.stages:
         say(needed_stages(params))
         return
-    settle(THREADS)
+    settle(THREADS, params.search_precision)
     parts = [*MEASURED] if args.only is None else [args.only]
     found = measure(params, parts, DRY if args.dry else FULL)
     say(lines(found))

@@ -7,18 +7,22 @@ import sys
 
 import torch
 
+from pcrdiff.geometry.precision import Asked, resolve, set_search_precision
+
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_MAX = -1, -2, -4  # glibc's mallopt
 _PR_SET_PDEATHSIG = 1  # of Linux's prctl
 
 
-def settle(threads: int) -> None:
-    """Fix the thread count, flush denormals, and keep freed memory in the process.
+def settle(threads: int, search_precision: Asked = "float32") -> None:
+    """Fix the thread count and the precision of searches, flush denormals, keep freed memory.
 
-    The thread count is part of the result: sums are cut differently for another one. Denormals
+    The first two are part of the result: sums are cut differently for another count, and a search
+    in bfloat16 may take another point. Denormals
     (in Adam's moments and in softmax tails) cost a factor on every step that meets them. glibc
     hands large blocks back to the kernel after each step and asks for them again in the next.
     """
     torch.set_num_threads(threads)
+    set_search_precision(resolve(search_precision))
     torch.set_flush_denormal(True)
     torch.set_deterministic_debug_mode("error")
     # What is not yet written is never read here; filling it first cost a tenth of a step.

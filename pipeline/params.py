@@ -18,6 +18,7 @@ from pipeline.sections import (
     Representation,
     Sampler,
     Scaling,
+    SearchPrecision,
     Section,
     WithOrWithout,
 )
@@ -251,6 +252,7 @@ class Params(Section):
     profile: str
     seed: Annotated[int, Field(ge=0)]
     threads: Count
+    search_precision: SearchPrecision
     compute: Compute
     run: Run
     acquire: dict[str, Acquire]

@@ -86,7 +86,7 @@ def check_agreement(
 
     Raises:
         FileNotFoundError: A file or folder of ``made_of`` is not there.
-        ValueError: This process has other params, pairs or code than the first.
+        ValueError: This process has other params, pairs or code than the first, or ``auto`` another meaning.
     """
     if processes.count == 1:
         return
@@ -94,7 +94,8 @@ def check_agreement(
     if processes.of_first(mine) != mine:
         raise ValueError(
             f"process {processes.rank} has other params, pairs or code than the first; each host "
-            "needs the same params.yaml, the same commit and the same data/pairs"
+            "needs the same params.yaml, the same commit and the same data/pairs, and where "
+            "search_precision is auto, a processor with bfloat16 as the others, or without as they"
         )
 
 

@@ -15,6 +15,8 @@ Fusion = Literal["source", "target", "concat"]
 WithOrWithout = Literal["with", "without"]
 """These four are the library's own names; written again here, since it takes seconds to import."""
 Sampler = Literal["ddpm", "ddim"]
+SearchPrecision = Literal["float32", "bfloat16", "auto"]
+"""Of PointNet's maxima; ``pcrdiff.geometry.precision`` says what ``auto`` is."""
 SettingName = Literal["paper", "official"]
 """The paper's iteration counts, or the authors' own settings."""
 

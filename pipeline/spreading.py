@@ -10,6 +10,7 @@ from multiprocessing import get_context
 from threading import get_ident
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
+from pcrdiff.geometry.precision import SearchPrecision, search_precision
 from pcrdiff.spreading import Item, Result, Spread, in_turn
 from pipeline.machine import end_with_parent, settle
 from pipeline.params import Compute
@@ -34,8 +35,8 @@ class _Future(Protocol[Output]):
 def spread_over(compute: Compute, threads: int) -> Spread:
     """How work is spread: over a scheduler's workers, ``compute.workers`` processes, or not at all.
 
-    A worker computes in ``threads`` threads, as this process would: where these are several, there
-    are fewer workers.
+    A worker computes in ``threads`` threads and in the precision that is set here, as this process
+    would: where threads are several, there are fewer workers.
     """
     if compute.scheduler is not None:
         return partial(_over_machines, compute.scheduler, threads)
@@ -64,7 +65,7 @@ def _over_processes(
 ) -> Iterator[Result]:
     """One-threaded workers are forks, there at once; OpenMP's threads would not survive that."""
     context = get_context("fork" if threads == 1 else "spawn")
-    told = (pickle.dumps(function), threads)
+    told = (pickle.dumps(function), threads, search_precision())
     pool = ProcessPoolExecutor(processes, context, _start_worker, told)
     try:
         yield from _in_order(lambda item: pool.submit(_call_here, item), items, AHEAD * processes)
@@ -76,9 +77,9 @@ _here: list[Callable[[Any], Any]] = []
 """In a worker of this machine, the function it is for."""
 
 
-def _start_worker(pickled: bytes, threads: int) -> None:
+def _start_worker(pickled: bytes, threads: int, precision: SearchPrecision) -> None:
     end_with_parent()
-    settle(threads)
+    settle(threads, precision)
     _here[:] = [pickle.loads(pickled)]
 
 
@@ -96,7 +97,8 @@ def _over_machines(
 
     with _connected(scheduler) as client:
         (pickled,) = client.scatter([pickle.dumps(function)], broadcast=True)  # type: ignore[no-untyped-call]
-        submit = partial(client.submit, _call_there, pickled, threads, pure=False)
+        told = (pickled, threads, search_precision())
+        submit = partial(client.submit, _call_there, *told, pure=False)
         try:
             ahead = AHEAD * sum(client.nthreads().values())  # type: ignore[no-untyped-call]
             yield from _in_order(submit, items, ahead)
@@ -133,14 +135,20 @@ def _connected(scheduler: str) -> "Iterator[Client]":
         yield client
 
 
-def _call_there(pickled: bytes, threads: int, item: Any) -> Any:  # noqa: ANN401  as the function
-    return _prepared(pickled, threads, get_ident())(item)
+def _call_there(
+    pickled: bytes,
+    threads: int,
+    precision: SearchPrecision,
+    item: Any,  # noqa: ANN401  as the function
+) -> Any:  # noqa: ANN401
+    """Settled for each item: what the worker did in between may have asked for something else."""
+    settle(threads, precision)
+    return _prepared(pickled, get_ident())(item)
 
 
 @lru_cache(maxsize=8)
-def _prepared(pickled: bytes, threads: int, thread: int) -> Callable[[Any], Any]:
-    """The function, once for each of a worker's threads: what is settled is the thread's own."""
+def _prepared(pickled: bytes, thread: int) -> Callable[[Any], Any]:
+    """The function, once for each of a worker's threads, which may change it as they call it."""
     del thread
-    settle(threads)
     function: Callable[[Any], Any] = pickle.loads(pickled)
     return function

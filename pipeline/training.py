@@ -8,6 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from pcrdiff.geometry.precision import resolve, search_precision
 from pcrdiff.processes import ALONE, Processes
 from pcrdiff.progress import silent
 from pcrdiff.training import Budget, Checkpoint, Epoch, FreshPoses, Trainer, train
@@ -67,6 +68,7 @@ def training_params(
     return {
         "seed": params.seed,
         "threads": params.threads,
+        "search_precision": resolve(params.search_precision),
         "devices": params.train.devices,
         "nodes": params.train.nodes,
         "scenario": scenario,
@@ -126,6 +128,7 @@ def train_method(  # noqa: PLR0913 - what stages/train.py is told, where it goes
         "devices": params.train.devices,
         "nodes": params.train.nodes,
         "threads": params.threads,
+        "search_precision": search_precision(),
         "train_pairs": len(data),
         "epoch_pairs": trainer.pairs_per_epoch,
         "parameters": sum(p.numel() for p in network.parameters()),

@@ -22,7 +22,7 @@ def main(argv: list[str] | None = None) -> None:
     args = parser.parse_args(argv)
 
     params = read_params()
-    settle(params.threads)
+    settle(params.threads, params.search_precision)
     with journal(params=params.ablation.model_dump(), inputs=[args.pairs]) as notes:
         test, answers = ABLATIONS[args.name](Given(params, args.pairs, args.models))
         write_ablation(args.answers, test, answers)

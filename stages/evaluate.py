@@ -22,7 +22,7 @@ def main(argv: list[str] | None = None) -> None:
     args = parser.parse_args(argv)
 
     params = read_params()
-    settle(params.threads)
+    settle(params.threads, params.search_precision)
     inputs = [args.pairs, args.weights] if args.weights else [args.pairs]
     with journal(params=params.diffusion.model_dump(), inputs=inputs) as notes:
         test, answers = evaluate_method(params, args.method, args.pairs, args.weights)

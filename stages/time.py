@@ -20,7 +20,7 @@ def main(argv: list[str] | None = None) -> None:
     args = parser.parse_args(argv)
 
     params = read_params()
-    settle(params.threads)
+    settle(params.threads, params.search_precision)
     inputs = [args.pairs, args.weights] if args.weights else [args.pairs]
     with journal(params={"threads": params.threads}, inputs=inputs) as notes:
         costs = time_method(params, args.method, args.pairs, args.weights)

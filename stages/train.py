@@ -33,7 +33,7 @@ def main(argv: list[str] | None = None) -> None:
     made_of = [args.pairs, *CODE]
     trained = partial(train_method, params, args.scenario, args.method, args.variant, args.pairs)
     with join(params.train.devices, params.train.nodes) as processes:
-        settle(params.threads)
+        settle(params.threads, params.search_precision)
         check_agreement(processes, told, made_of)
         if processes.rank > 0:
             trained(NoCheckpoint(), processes)

@@ -20,7 +20,7 @@ def main(argv: list[str] | None = None) -> None:
     args = parser.parse_args(argv)
 
     params = read_params()
-    settle(params.threads)
+    settle(params.threads, params.search_precision)
     with journal(params=params.ablation.walk.model_dump(), inputs=[args.pairs, args.weights]):
         write_walks(args.walks, follow_walks(params, args.method, args.pairs, args.weights))
 

@@ -1,6 +1,7 @@
 """Shapes in signatures are checked while the tests run; random cases are repeatable."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,25 @@ def real_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no real data: {'PCRDIFF_REAL_DATA' if told else '../shared/data'} is absent")
     return folder
+
+
+@pytest.fixture(autouse=True)
+def default_search() -> Iterator[None]:
+    """Each test begins in the library's own precision, whatever the one before has set."""
+    from pcrdiff.geometry.precision import set_search_precision  # the hook above comes first
+
+    set_search_precision("float32")
+    yield
+    set_search_precision("float32")
+
+
+@pytest.fixture(params=["with bfloat16", "without bfloat16"])
+def processor(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A processor that says it multiplies in bfloat16, and one that says it does not."""
+    has = request.param == "with bfloat16"
+    said = {"amx_bf16": False, "avx512_bf16": has}
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: said)
+    return str(request.param)
 
 
 @pytest.fixture(scope="session")

@@ -9,15 +9,10 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from pcrdiff.geometry.argmax import row_argmax
+from pcrdiff.geometry.precision import search_precision, search_scores
 from pcrdiff.models.mlp import he_layers
 
 BLOCK = 1024  # points whose scores are held at once: those of 1024 channels are 4 MiB
-BFLOAT16 = any(torch.cpu.get_capabilities().get(name) for name in ("amx_bf16", "avx512_bf16"))
-"""Whether this processor multiplies in bfloat16, which the search for the maxima then does.
-
-Another point may be taken where two are equally high to three digits. Features and gradients are
-those of the points taken, in float32.
-"""
 warnings.filterwarnings("ignore", message="Sparse CSR tensor support is in beta state")
 
 
@@ -27,7 +22,8 @@ class PointNet(nn.Module):
     No T-net and no batch statistics: a cloud's feature depends on that cloud alone. Training
     differentiates through the critical points only: a maximum passes its gradient to the point
     that attains it and to no other, so the gradient is that of the plain network. They are
-    searched in ``BFLOAT16`` where that is fast.
+    searched in the precision that is set (:mod:`pcrdiff.geometry.precision`); features and gradients
+    are those of the points taken, in the network's own precision.
     """
 
     def __init__(self, widths: Sequence[int], ins: int = 3) -> None:
@@ -47,7 +43,7 @@ class PointNet(nn.Module):
 
     def forward(self, points: Float[Tensor, "batch n ins"]) -> Float[Tensor, "batch dim"]:
         """The cloud's global feature."""
-        if not torch.is_grad_enabled() and not BFLOAT16:
+        if not torch.is_grad_enabled() and search_precision() == "float32":
             return (self.highest_scores(points) + self.last.bias).relu()
         critical = self.critical_points(points)
         chosen, place = torch.unique(critical, return_inverse=True)
@@ -112,19 +108,6 @@ class AtCritical(torch.autograd.Function):
 
 at_critical = cast("Callable[[Tensor, Tensor, Tensor], Tensor]", AtCritical.apply)
 """What training calls of :class:`AtCritical`."""
-
-
-def search_scores(
-    weight: Float[Tensor, "dim width"], hidden: Float[Tensor, "n width"]
-) -> Float[Tensor, "dim n"]:
-    """``W H^T``, what the search for the maxima compares; in ``BFLOAT16``, summed in float32."""
-    products = torch.backends.mkldnn.matmul  # type: ignore[attr-defined]  # made at run time
-    before = products.fp32_precision
-    products.fp32_precision = "bf16" if BFLOAT16 else before
-    try:
-        return weight @ hidden.mT
-    finally:
-        products.fp32_precision = before
 
 
 def _entries(

@@ -64,6 +64,7 @@ CASES = [
 ]
 
 
+@pytest.mark.usefixtures("processor")
 @pytest.mark.parametrize(("make", "plain", "dtype", "tolerance"), CASES)
 def test_the_reference_has_the_losses_and_gradients_of_the_method(
     make: Callable[[], PCRDiffusionCF | PCRDiffusionCB],

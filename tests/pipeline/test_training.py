@@ -101,6 +101,7 @@ def test_a_checkpoint_is_told_every_param_that_dvc_watches() -> None:
     others = {
         "seed": params.model_copy(update={"seed": 8}),
         "threads": params.model_copy(update={"threads": 2}),
+        "search_precision": params.model_copy(update={"search_precision": "bfloat16"}),
         "diffusion.timesteps": changed(params, "diffusion", timesteps=21),
         "train.devices": changed(params, "train", devices=2),
         "train.nodes": changed(params, "train", nodes=2),
@@ -135,7 +136,7 @@ def test_a_checkpoint_is_told_all_code_that_a_training_runs() -> None:
     assert left_out == [
         "stages/train.py",  # writes when all is done
         "pipeline/artifacts.py",  # reads pairs, whose bytes are told, and writes when all is done
-        "pipeline/machine.py",  # asks the machine for what `threads` says
+        "pipeline/machine.py",  # asks the machine for what `threads` and `search_precision` say
         "pipeline/seeding.py",
         "pipeline/variants.py",  # names what is varied, which is told
     ]

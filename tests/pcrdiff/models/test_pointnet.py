@@ -4,6 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from pcrdiff.geometry.precision import set_search_precision
 from pcrdiff.models import pointnet
 from pcrdiff.models.pointnet import PointNet, at_critical
 from tests.pcrdiff.made_up_clouds import lopsided_clouds, seeded
@@ -70,6 +71,7 @@ def test_points_may_carry_more_than_three_numbers() -> None:
     torch.testing.assert_close(network(points), plain(network, points))
 
 
+@pytest.mark.usefixtures("processor")
 def test_float32_gradients_are_the_plain_networks() -> None:
     network, points = make().float(), clouds(batch=8, n=300).float()
     weight = torch.randn(8, 64, generator=seeded(2))
@@ -90,18 +92,50 @@ def test_a_linear_layer_at_critical_rows_has_the_gradient_of_its_formula() -> No
     assert torch.autograd.gradcheck(lambda h, w: at_critical(h, w, place), (hidden, weight))
 
 
-def test_where_bfloat16_is_fast_the_values_are_still_those_of_the_points_taken(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Where the processor has it; elsewhere its way alone is tried, with the same numbers."""
+def taken_point_features(network: PointNet, points: Tensor) -> Tensor:
+    """The plain network's features of the points that the search takes."""
+    features: Tensor = network.per_point(points.flatten(0, 1))
+    return features.gather(0, network.critical_points(points))
+
+
+@pytest.mark.usefixtures("processor")
+@pytest.mark.parametrize("graph", [True, False])
+def test_in_bfloat16_the_values_are_those_of_the_points_taken(graph: bool) -> None:
+    """On a processor that has it and on one that has not."""
     network, points = make().float(), clouds(n=400).float()
-    wanted = plain(network, points)
-    monkeypatch.setattr(pointnet, "BFLOAT16", True)
-    with torch.no_grad():
-        found = network(points)
-        taken = network.per_point(points.flatten(0, 1)).gather(0, network.critical_points(points))
+    set_search_precision("bfloat16")
+    with torch.set_grad_enabled(graph):
+        found, taken = network(points), taken_point_features(network, points)
     torch.testing.assert_close(found, taken)
-    assert (wanted - found).abs().max() < 0.01 * wanted.max()
+
+
+@pytest.mark.usefixtures("processor")
+def test_in_bfloat16_the_gradients_are_those_of_the_points_taken() -> None:
+    network, points = make().float(), clouds(batch=8, n=300).float()
+    weight = torch.randn(8, 64, generator=seeded(2))
+    set_search_precision("bfloat16")
+    wanted = [*network.parameters()]
+    ours = torch.autograd.grad((network(points) * weight).sum(), wanted)
+    taken = taken_point_features(network, points)
+    theirs = torch.autograd.grad((taken * weight).sum(), wanted)
+    for a, b in zip(ours, theirs, strict=True):
+        assert (a - b).norm() / b.norm() < 1e-5
+
+
+@pytest.mark.usefixtures("processor")
+def test_in_bfloat16_a_point_taken_is_as_high_as_the_highest_but_for_rounding() -> None:
+    """Each factor is off by 2^-8 at most, so a score by 2^-7 of the sum of its terms' sizes."""
+    network, points = make().float(), clouds(batch=8, n=300).float()
+    set_search_precision("bfloat16")
+    with torch.no_grad():
+        critical = network.critical_points(points)
+        hidden = network.hidden(points.flatten(0, 1))
+        scores = hidden @ network.last.weight.mT
+        sizes = (hidden.abs() @ network.last.weight.abs().mT).view(8, 300, 64).amax(dim=1)
+        lost = scores.view(8, 300, 64).amax(dim=1) - scores.gather(0, critical)
+    assert (lost >= 0).all()
+    assert (lost <= 2 * 2**-7 * sizes).all()
+    assert lost.max() > 0  # or it was no search in bfloat16
 
 
 def test_many_points_are_scored_in_blocks() -> None:
