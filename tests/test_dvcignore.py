@@ -1,0 +1,91 @@
+"""What editors and file browsers leave beside code and data is not seen by DVC."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+from dvc.fs import localfs
+from dvc.ignore import DvcIgnoreFilter
+from dvc.repo import Repo
+
+from tests.described import REPOSITORY, expand, read_repository_params
+
+CODE = ("pcrdiff/data", "pcrdiff/models", "pipeline/reporting/templates", "stages", "benchmarks")
+ANYWHERE = (
+    ".#x.py",  # Emacs: a link that leads nowhere
+    "#x.py#",
+    "x.py~",
+    ".x.py.swp",
+    ".x.py.swo",
+    ".DS_Store",
+    "._x.py",
+    ".ipynb_checkpoints/x.py",
+    ".idea/x.py",
+    "__pycache__/x.pyc",
+    ".nfs0001",
+    "Thumbs.db",
+)
+BESIDE_CODE = ("4913", "x.py.orig", "x.py.bak", "x.py___jb_tmp___", "notes.txt", ".hidden/x.py")
+
+
+@pytest.fixture(scope="module")
+def ignored() -> DvcIgnoreFilter:
+    return DvcIgnoreFilter(localfs, str(REPOSITORY))
+
+
+def is_ignored(ignored: DvcIgnoreFilter, path: str) -> bool:
+    return bool(ignored.check_ignore(str(REPOSITORY / path)).match)
+
+
+@pytest.mark.parametrize("name", ANYWHERE)
+@pytest.mark.parametrize(
+    "folder", [*CODE, "data/raw/toy", "data/raw/toy/deep", "models", "results"]
+)
+def test_dvc_does_not_see_what_editors_leave(
+    ignored: DvcIgnoreFilter, folder: str, name: str
+) -> None:
+    assert is_ignored(ignored, f"{folder}/{name}")
+
+
+@pytest.mark.parametrize("name", BESIDE_CODE)
+@pytest.mark.parametrize("folder", CODE)
+def test_in_folders_of_code_only_code_counts(
+    ignored: DvcIgnoreFilter, folder: str, name: str
+) -> None:
+    assert is_ignored(ignored, f"{folder}/{name}")
+
+
+def test_what_a_stage_depends_on_or_writes_is_seen(ignored: DvcIgnoreFilter) -> None:
+    for instance in expand(read_repository_params()):
+        paths = [*instance.deps, *instance.outs]
+        assert [path for path in paths if is_ignored(ignored, path)] == []
+
+
+def test_all_code_and_every_table_of_benchmarks_is_seen(ignored: DvcIgnoreFilter) -> None:
+    listed = ["git", "ls-files", "pcrdiff", "pipeline", "stages", "benchmarks/*.csv"]
+    done = subprocess.run(listed, cwd=REPOSITORY, check=True, capture_output=True, text=True)
+    names = done.stdout.split()
+    assert len(names) > 100
+    assert [name for name in names if is_ignored(ignored, name)] == []
+    assert not is_ignored(ignored, "pcrdiff/data/deeper/new.py")
+    assert not is_ignored(ignored, "data/raw/toy/airplane/train/airplane_0001.off")
+
+
+def test_a_link_of_emacs_in_a_dep_neither_stops_dvc_nor_changes_anything(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".dvcignore").write_text((REPOSITORY / ".dvcignore").read_text())
+    (tmp_path / "pcrdiff" / "data").mkdir(parents=True)
+    (tmp_path / "pcrdiff" / "data" / "x.py").write_text("")
+    (tmp_path / "dvc.yaml").write_text(
+        "stages:\n  make:\n    cmd: date > made\n    deps: [pcrdiff/data]\n    outs: [made]\n"
+    )
+    with Repo.init(str(tmp_path), no_scm=True) as repo:
+        repo.reproduce()
+        assert repo.status() == {}
+    (tmp_path / "pcrdiff" / "data" / ".#x.py").symlink_to("me@host.123")
+    (tmp_path / "pcrdiff" / "data" / "x.py~").write_text("old")
+    with Repo(str(tmp_path)) as repo:
+        assert repo.status() == {}
+        assert repo.reproduce() == []
