@@ -105,11 +105,12 @@ def mlflow_sync() -> None:
 @mlflow_app.command("ui")
 def mlflow_ui(port: Annotated[int, typer.Option(help="Port on 127.0.0.1.")] = 5000) -> None:
     """Open MLflow's pages on this project's store, for this machine only."""
-    from pipeline.mlflow_sync import artifacts_folder, open_store, public, tracking_uri
+    from pipeline.mlflow_store import artifacts_folder, is_server, public, tracking_uri
+    from pipeline.mlflow_sync import open_store
 
     root = _root()
     uri = tracking_uri(root)
-    if uri.startswith(("http://", "https://")):
+    if is_server(uri):
         typer.echo(f"the store is a server already: {public(uri)}")
         return
     open_store(root)  # under a lock: a server that creates the tables may meet a stage doing it

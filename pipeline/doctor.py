@@ -112,7 +112,8 @@ def check_dead_experiments(root: Path) -> Iterator[Finding]:
 
 def check_mlflow(root: Path) -> Iterator[Finding]:
     """The store answers, and keeps artifacts where this project would look for them."""
-    from pipeline.mlflow_sync import artifacts_folder, open_store, public, tracking_uri
+    from pipeline.mlflow_store import artifacts_folder, public, tracking_uri
+    from pipeline.mlflow_sync import open_store
     from pipeline.records import waiting_records
 
     uri = tracking_uri(root)

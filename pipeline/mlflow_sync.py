@@ -13,6 +13,13 @@ from typing import TYPE_CHECKING, TypeVar
 from filelock import FileLock, Timeout
 
 from pipeline.invocation import Pipeline, current_pipeline, is_running, project_root
+from pipeline.mlflow_store import (
+    artifacts_folder,
+    database_file,
+    public,
+    tracking_uri,
+    wanted_store,
+)
 from pipeline.records import Record, shipped_records, waiting_records
 from pipeline.restored import note_restored
 from pipeline.tracking import ARTIFACTS, journals_folder
@@ -73,7 +80,6 @@ def sync(
         finished: The pipeline run whose last stage is calling. By default the newest one of
             ``workspace``, if the command that started it is gone.
     """
-    uri = tracking_uri(root)
     workspace = workspace or root
     problems = []
     try:
@@ -82,22 +88,14 @@ def sync(
                 _add_restored(root, workspace, finished or _last_finished(root, workspace))
             except Exception as error:  # noqa: BLE001  tracking never makes a stage fail
                 problems.append(f"the restored stages were not added: {_first_line(error)}")
-            report = _ship(root, uri, finished.key if finished else "")
+            report = _ship(root, finished.key if finished else "")
     except Exception as error:  # noqa: BLE001  tracking never makes a stage fail
         waiting = len(waiting_records(root))
         kept = f"{waiting} journals are kept for `pcrdiff mlflow sync`"
-        problems.append(f"MLflow at {public(uri)} did not answer: {_first_line(error)}; {kept}")
-        return SyncReport(public(uri), waiting=waiting, problems=tuple(problems))
+        store = public(wanted_store())
+        problems.append(f"MLflow at {store} did not answer: {_first_line(error)}; {kept}")
+        return SyncReport(store, waiting=waiting, problems=tuple(problems))
     return replace(report, problems=(*problems, *report.problems))
-
-
-def tracking_uri(root: Path) -> str:
-    """Return ``MLFLOW_TRACKING_URI``, relative paths in it resolved against the project."""
-    uri = os.environ.get("MLFLOW_TRACKING_URI") or "sqlite:///mlflow.db"
-    relative = re.fullmatch(r"(sqlite:///|file:)(?!/)(.+)", uri)
-    if relative:
-        return f"{relative[1]}{(root.resolve() / relative[2]).as_posix()}"
-    return uri if ":" in uri else (root.resolve() / uri).as_uri()
 
 
 def open_store(root: Path) -> "tuple[MlflowClient, str]":
@@ -126,12 +124,6 @@ def open_store(root: Path) -> "tuple[MlflowClient, str]":
     return client, str(experiment.experiment_id)
 
 
-def artifacts_folder(uri: str) -> str | None:
-    """Return where artifacts go: ``mlruns`` beside a SQLite file; a server decides by itself."""
-    database = re.fullmatch(r"sqlite:///(.+)", uri)
-    return (Path(database[1]).parent / "mlruns").as_uri() if database else None
-
-
 def _locked(root: Path) -> FileLock:
     """One sync at a time on one project."""
     folder = root / ".pcrdiff"
@@ -141,8 +133,7 @@ def _locked(root: Path) -> FileLock:
 
 def _store_lock(root: Path, uri: str) -> FileLock:
     """One creator at a time of one SQLite file, also when several projects share it."""
-    database = re.fullmatch(r"sqlite:///(.+)", uri)
-    path = Path(database[1]) if database else root / "server"
+    path = database_file(uri) or root / "server"
     folder = path.parent / ".pcrdiff"
     folder.mkdir(parents=True, exist_ok=True)
     return FileLock(folder / f"{path.name}.lock", timeout=LOCK_SECONDS)
@@ -168,7 +159,7 @@ def _add_restored(root: Path, workspace: Path, pipeline: Pipeline | None) -> Non
     note_restored(root, workspace, pipeline, ran)
 
 
-def _ship(root: Path, uri: str, finished: str) -> SyncReport:
+def _ship(root: Path, finished: str) -> SyncReport:
     """Send every journal whose stage has ended, then close the pipeline runs."""
     waiting = waiting_records(root)
     ready = [record for record in waiting if record.status != "RUNNING"]
@@ -188,7 +179,9 @@ def _ship(root: Path, uri: str, finished: str) -> SyncReport:
     store.close_pipelines({record.pipeline.key for record in sent}, running, finished)
     restored = sum(record.restored for record in sent)
     left = len(waiting) - len(sent)
-    return SyncReport(public(uri), len(sent) - restored, restored, left, tuple(problems))
+    return SyncReport(
+        public(tracking_uri(root)), len(sent) - restored, restored, left, tuple(problems)
+    )
 
 
 def _retire(record: Record, root: Path) -> None:
@@ -357,8 +350,3 @@ def _first_line(error: Exception) -> str:
         return f"another sync has held {error.lock_file} for {LOCK_SECONDS:.0f} s"
     lines = str(error).strip().splitlines()
     return public(lines[0][:300]) if lines else type(error).__name__
-
-
-def public(uri: str) -> str:
-    """Return a URI without user name and password."""
-    return re.sub(r"//[^/@\s]*@", "//", uri)

@@ -33,6 +33,7 @@ GLUE = {
     "pipeline.building": "hands params to methods; a new method must not retrain the old ones",
     "pipeline.checkpoints": "keeps what a training gives it, and gives it back",
     "pipeline.invocation": "finds the project and names the run",
+    "pipeline.mlflow_store": "says where MLflow keeps its runs",
     "pipeline.mlflow_sync": "copies journals into MLflow after the report is written",
     "pipeline.method_params": "the part of pipeline.params that is about methods",
     "pipeline.sections": "what pipeline.params is made of",

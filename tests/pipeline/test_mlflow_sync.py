@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from pipeline.invocation import VARIABLE, process_identity
-from pipeline.mlflow_sync import Store, open_store, sync, sync_after_report, tracking_uri
+from pipeline.mlflow_sync import Store, open_store, sync, sync_after_report
 from pipeline.records import Record, shipped_records, waiting_records
 from pipeline.tracking import journal, journals_folder
 
@@ -390,18 +390,29 @@ def test_two_processes_may_create_the_store_at_once(bare_project: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "meant"),
+    "uri",
     [
-        ("", "sqlite:///{root}/mlflow.db"),
-        ("sqlite:///deep/runs.db", "sqlite:///{root}/deep/runs.db"),
-        ("sqlite:////shared/runs.db", "sqlite:////shared/runs.db"),
-        ("http://127.0.0.1:5000", "http://127.0.0.1:5000"),
-        ("mlruns", "file://{root}/mlruns"),
+        "sqlite://",
+        "sqlite:///",
+        "sqlite:///:memory:",
+        "sqlite:///%3Amemory%3A",
+        "sqlite+pysqlite:///:memory:?cache=shared",
+        "sqlite:///file::memory:",
+        "sqlite:///file:runs?mode=memory&uri=true",
+        "sqlite:runs.db",
+        "127.0.0.1:5000",
     ],
 )
-def test_relative_stores_lie_in_the_project(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, given: str, meant: str
+def test_a_store_that_does_not_last_gets_nothing_and_the_journals_stay(
+    project: Path, monkeypatch: pytest.MonkeyPatch, uri: str
 ) -> None:
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", given)
-    monkeypatch.chdir("/")
-    assert tracking_uri(tmp_path) == meant.format(root=tmp_path)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+    run_stage(monkeypatch, "train@toy")
+    report = sync(project)
+    assert (report.shipped, report.waiting) == (0, 1)
+    (problem,) = report.problems
+    assert f"MLFLOW_TRACKING_URI={uri}" in problem
+    assert "1 journals are kept" in problem
+    assert len(waiting_records(project)) == 1
+    monkeypatch.delenv("MLFLOW_TRACKING_URI")
+    assert sync(project).shipped == 1
