@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from pcrdiff.geometry.precision import search_precision
 from pipeline.ablating import ABLATIONS, Given
 from pipeline.artifacts import write_ablation
 from pipeline.evaluating import summarise
@@ -23,7 +24,8 @@ def main(argv: list[str] | None = None) -> None:
 
     params = read_params()
     settle(params.threads, params.search_precision)
-    with journal(params=params.ablation.model_dump(), inputs=[args.pairs]) as notes:
+    told = params.ablation.model_dump() | {"search_precision": search_precision()}
+    with journal(params=told, inputs=[args.pairs]) as notes:
         test, answers = ABLATIONS[args.name](Given(params, args.pairs, args.models))
         write_ablation(args.answers, test, answers)
         for method, settings in answers.items():

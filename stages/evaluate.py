@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from pcrdiff.geometry.precision import search_precision
 from pipeline.artifacts import write_estimates, write_json
 from pipeline.evaluating import evaluate_method, summarise
 from pipeline.machine import settle
@@ -24,7 +25,8 @@ def main(argv: list[str] | None = None) -> None:
     params = read_params()
     settle(params.threads, params.search_precision)
     inputs = [args.pairs, args.weights] if args.weights else [args.pairs]
-    with journal(params=params.diffusion.model_dump(), inputs=inputs) as notes:
+    told = params.diffusion.model_dump() | {"search_precision": search_precision()}
+    with journal(params=told, inputs=inputs) as notes:
         test, answers = evaluate_method(params, args.method, args.pairs, args.weights)
         metrics = summarise(test, answers)
         write_estimates(args.answers, test, answers)

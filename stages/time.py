@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from pcrdiff.geometry.precision import search_precision
 from pipeline.machine import settle
 from pipeline.params import read_params
 from pipeline.stage import run
@@ -22,7 +23,8 @@ def main(argv: list[str] | None = None) -> None:
     params = read_params()
     settle(params.threads, params.search_precision)
     inputs = [args.pairs, args.weights] if args.weights else [args.pairs]
-    with journal(params={"threads": params.threads}, inputs=inputs) as notes:
+    told = {"threads": params.threads, "search_precision": search_precision()}
+    with journal(params=told, inputs=inputs) as notes:
         costs = time_method(params, args.method, args.pairs, args.weights)
         write_costs(args.costs, costs)
         notes.metrics(summarise(costs))

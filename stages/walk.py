@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from pcrdiff.geometry.precision import search_precision
 from pipeline.machine import settle
 from pipeline.params import read_params
 from pipeline.stage import run
@@ -21,7 +22,8 @@ def main(argv: list[str] | None = None) -> None:
 
     params = read_params()
     settle(params.threads, params.search_precision)
-    with journal(params=params.ablation.walk.model_dump(), inputs=[args.pairs, args.weights]):
+    told = params.ablation.walk.model_dump() | {"search_precision": search_precision()}
+    with journal(params=told, inputs=[args.pairs, args.weights]):
         write_walks(args.walks, follow_walks(params, args.method, args.pairs, args.weights))
 
 

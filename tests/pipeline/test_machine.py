@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 import torch
 
+from pcrdiff.geometry.precision import search_precision
 from pipeline.machine import settle
 
 
@@ -23,6 +24,15 @@ def test_fixes_the_thread_count() -> None:
     assert torch.get_num_threads() == 2
     settle(1)
     assert torch.get_num_threads() == 1
+
+
+def test_fixes_the_precision_of_searches(processor: str) -> None:
+    settle(1, "bfloat16")
+    assert search_precision() == "bfloat16"
+    settle(1, "auto")
+    assert search_precision() == ("bfloat16" if processor == "with bfloat16" else "float32")
+    settle(1)
+    assert search_precision() == "float32"
 
 
 def test_denormals_become_zero() -> None:

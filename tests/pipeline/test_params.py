@@ -49,6 +49,8 @@ WRONG: dict[str, tuple[Change, str]] = {
         "diffusion.stepps: Extra inputs are not permitted, got 3"),
     "a word for a count": (lambda p: p["diffusion"].update(timesteps="many"),
         "diffusion.timesteps: Input should be a valid integer, got 'many'"),
+    "a precision that there is not": (lambda p: p.update(search_precision="half"),
+        "search_precision: Input should be 'float32', 'bfloat16' or 'auto', got 'half'"),
     "a number in quotes": (lambda p: p.update(seed="7"),
         "seed: Input should be a valid integer, got '7'"),
     "a fraction for a count": (lambda p: p["scenarios"]["kitti"].update(num_points=1.5),

@@ -1,6 +1,7 @@
 """Wherever work is done, the results are the same bytes."""
 
 import os
+import pickle
 import signal
 import socket
 import subprocess
@@ -14,9 +15,10 @@ import numpy as np
 import pytest
 import torch
 
+from pcrdiff.geometry.precision import SearchPrecision, search_precision, set_search_precision
 from pcrdiff.spreading import in_turn
 from pipeline.params import Compute
-from pipeline.spreading import AHEAD, spread_over
+from pipeline.spreading import AHEAD, _call_there, spread_over
 from tests.described import REPOSITORY
 from tests.pipeline.dask_on_loopback import dask_cluster
 from tests.tiny import (
@@ -43,6 +45,16 @@ def settled(item: int) -> tuple[int, bool, bool]:
     return torch.get_num_threads(), tiny.item() == 0, torch.are_deterministic_algorithms_enabled()
 
 
+def num_threads(item: int) -> int:
+    del item
+    return torch.get_num_threads()
+
+
+def searching(item: int) -> str:
+    del item
+    return search_precision()
+
+
 def refuse(item: int) -> int:
     if item == 3:
         raise ValueError("item 3 needs to be another")
@@ -57,6 +69,15 @@ def die(item: int) -> int:
 def multiply(factor: np.ndarray, item: np.ndarray) -> np.ndarray:
     product: np.ndarray = factor * item
     return product
+
+
+@pytest.fixture
+def unsettled() -> Iterator[None]:
+    """This process is afterwards as it was."""
+    yield
+    torch.set_num_threads(1)
+    torch.set_flush_denormal(False)
+    torch.use_deterministic_algorithms(False)
 
 
 # Several processes.
@@ -93,6 +114,28 @@ def test_a_worker_is_settled_like_its_parent(threads: int) -> None:
     flushes = torch.set_flush_denormal(True)
     torch.set_flush_denormal(False)
     assert set(spread(settled, range(4))) == {(threads, flushes, True)}
+
+
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_worker_searches_in_its_parents_precision(
+    precision: SearchPrecision, threads: int
+) -> None:
+    """Both a fork and a process that is started anew."""
+    set_search_precision(precision)
+    spread = spread_over(Compute(workers=2 * threads, scheduler=None), threads)
+    assert set(spread(searching, range(4))) == {precision}
+
+
+@pytest.mark.usefixtures("unsettled")
+def test_a_dask_worker_is_settled_anew_by_each_that_sends_it_work() -> None:
+    """It outlives a stage, and works for several in turn."""
+    threads, precision = pickle.dumps(num_threads), pickle.dumps(searching)
+    for asked in (1, 2, 1):
+        assert _call_there(threads, asked, "float32", 0) == asked
+    wanted: list[SearchPrecision] = ["bfloat16", "float32", "bfloat16"]
+    for one in wanted:
+        assert _call_there(precision, 1, one, 0) == one
 
 
 def test_only_a_few_items_are_under_way() -> None:
@@ -218,6 +261,8 @@ def test_stages_write_the_same_bytes_by_dask_on_two_workers(project: Path) -> No
         assert len(set(processes)) == 2
         assert os.getpid() not in processes
         assert {one[0] for one in spread(settled, range(8))} == {1}
+        set_search_precision("bfloat16")
+        assert set(spread(searching, range(8))) == {"bfloat16"}
         with pytest.raises(ValueError, match=r"^item 3 needs to be another$"):
             list(spread(refuse, range(10)))
 

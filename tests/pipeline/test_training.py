@@ -6,6 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from pcrdiff.geometry.precision import SearchPrecision, set_search_precision
 from pipeline.params import Params, read_params
 from pipeline.tracking import Journal
 from pipeline.training import CODE, Trained, train_method, training_params
@@ -88,6 +89,21 @@ def test_the_seed_and_the_poses_reach_the_weights() -> None:
     plain = train(params).weights
     assert not same(plain, train(params.model_copy(update={"seed": 8})).weights)
     assert not same(plain, train(changed(params, "train", poses="fixed")).weights)
+
+
+@pytest.mark.usefixtures("project")
+def test_auto_is_told_as_what_it_comes_to(processor: str) -> None:
+    """So a checkpoint is not gone on with on another processor, and processes have to agree."""
+    params = read_params().model_copy(update={"search_precision": "auto"})
+    wanted = "bfloat16" if processor == "with bfloat16" else "float32"
+    assert training_params(params, SCENARIO, CF)["search_precision"] == wanted
+
+
+@pytest.mark.usefixtures("project")
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+def test_the_facts_tell_the_precision_of_the_search(precision: SearchPrecision) -> None:
+    set_search_precision(precision)
+    assert train(read_params()).facts["search_precision"] == precision
 
 
 @pytest.mark.usefixtures("project")
