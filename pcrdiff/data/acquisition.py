@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 import shutil
 import zipfile
 from collections.abc import Sequence
@@ -15,6 +14,7 @@ from urllib.error import HTTPError
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
+from pcrdiff.data.tree import entries, walk_files
 from pcrdiff.progress import Progress, silent
 
 Source = Literal["synthetic", "local", "download"]
@@ -76,14 +76,7 @@ def write_manifest(
     paths = _list_files(folder, skip=out / MANIFEST)
     if not paths:
         raise ValueError(f"a {source} data set needs at least one file, {root} holds none")
-    files = [
-        {
-            "path": path.relative_to(folder).as_posix(),
-            "size": path.stat().st_size,
-            "sha256": _hash_file(path),
-        }
-        for path in progress(paths, f"hashing {root.name}")
-    ]
+    files = [_describe(path, folder) for path in progress(paths, f"hashing {root.name}")]
     manifest = {
         "schema": SCHEMA,
         "source": source,
@@ -97,18 +90,60 @@ def write_manifest(
 
 
 def _list_files(folder: Path, skip: Path) -> list[Path]:
-    found = (
-        Path(place) / name
-        for place, _, names in os.walk(folder, followlinks=True)
-        for name in names
-    )
-    kept = (path for path in found if path.is_file() and path.absolute() != skip.absolute())
+    kept = (path for path in walk_files(folder) if path.absolute() != skip.absolute())
     return sorted(kept, key=lambda path: path.relative_to(folder).as_posix())
+
+
+def _describe(path: Path, folder: Path) -> dict[str, str | int]:
+    """What a manifest says of one file."""
+    try:
+        size, digest = path.stat().st_size, _hash_file(path)
+    except OSError as error:
+        raise type(error)(f"{path} cannot be read: {error.strerror or error}") from error
+    return {"path": path.relative_to(folder).as_posix(), "size": size, "sha256": digest}
 
 
 def _hash_file(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Refuse to replace a folder that holds anything but a data set and its manifest.
+
+    Nothing, or an empty folder, may be replaced; so may what ``write_manifest`` described, as long
+    as it is still that.
+
+    Raises:
+        FileExistsError: It is a link or a file, it has no manifest, or it holds a file that its
+            manifest does not describe: a user's own.
+        OSError: It cannot be read.
+    """
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        kind = "a link" if folder.is_symlink() else "a file"
+        raise FileExistsError(f"acquire needs {folder} for itself, {kind} is there: move it away")
+    if not folder.is_dir() or not entries(folder):
+        return
+    described = _described(folder)
+    for path in _list_files(folder, skip=folder / MANIFEST):
+        if described.get(path.relative_to(folder).as_posix()) != _describe(path, folder):
+            raise FileExistsError(
+                f"acquire needs {folder} for itself, {path} is not from an acquire stage: "
+                "move it away"
+            )
+
+
+def _described(folder: Path) -> dict[str, dict[str, str | int]]:
+    """The files that lie in a folder itself, by the manifest that lies there too."""
+    try:
+        manifest = _load_manifest(folder / MANIFEST)
+        files = {} if manifest["source"] == "local" else manifest["files"]
+        return {entry["path"]: entry for entry in files}
+    except (FileNotFoundError, ValueError, TypeError, KeyError) as error:
+        raise FileExistsError(
+            f"acquire needs {folder} for itself, it holds files and no {MANIFEST} of an acquire "
+            "stage: move it away"
+        ) from error
 
 
 def read_manifest(folder: Path, *, base: Path) -> Path:
