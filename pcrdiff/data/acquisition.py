@@ -3,18 +3,20 @@
 import hashlib
 import json
 import shutil
-import zipfile
+import socket
+import ssl
 from collections.abc import Sequence
 from dataclasses import dataclass
-from http.client import HTTPException, HTTPResponse
+from http.client import HTTPException, HTTPResponse, InvalidURL
 from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
-from urllib.error import HTTPError
+from urllib.error import HTTPError, URLError
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
 from pcrdiff.data.tree import entries, walk_files
+from pcrdiff.data.unpacking import unpack_zip
 from pcrdiff.progress import Progress, silent
 
 Source = Literal["synthetic", "local", "download"]
@@ -220,7 +222,7 @@ def download_archives(
     Raises:
         ConnectionError: A server refused, or the download was cut, or the disk is full.
         ValueError: No archive, a digest that is missing (the message gives what was found) or
-            wrong (the archive is removed), no zip, or one that would write outside ``out``.
+            wrong (the archive is removed), or an archive that ``unpack_zip`` refuses.
         OSError: ``out`` cannot be written.
     """
     if not archives:
@@ -232,7 +234,7 @@ def download_archives(
     try:
         staging.mkdir(parents=True)
         for path in progress(paths, f"unpacking {out.name}"):
-            _unpack(path, staging)
+            unpack_zip(path, staging)
         if out.exists():
             shutil.rmtree(out)
         staging.replace(out)
@@ -270,12 +272,26 @@ def _download(url: str, part: Path, progress: Progress) -> None:
         raise ConnectionError(
             f"{url} cannot be downloaded, the server answered {error.code} {error.reason}"
         ) from error
-    except (HTTPException, OSError) as error:  # refused, timed out, cut, disk full
+    except (HTTPException, OSError, UnicodeError) as error:  # refused, timed out, cut, disk full
+        if _is_lasting(error):
+            raise ConnectionError(
+                f"{url} cannot be downloaded, nor by running again: "
+                f"{getattr(error, 'reason', error)}"
+            ) from error
         held = part.stat().st_size if part.is_file() else 0
         raise ConnectionError(
             f"{url} was cut after {held} bytes ({getattr(error, 'reason', error)}), "
             f"run again to go on from there; they are kept as {part}"
         ) from error
+
+
+def _is_lasting(error: Exception) -> bool:
+    """Whether the address or the server's certificate is wrong, rather than the connection."""
+    reason = getattr(error, "reason", error)
+    if isinstance(error, URLError) and isinstance(reason, ssl.SSLError):  # no agreement on TLS
+        return not isinstance(reason, ssl.SSLEOFError | ssl.SSLZeroReturnError)
+    unknown = isinstance(reason, socket.gaierror) and reason.errno == socket.EAI_NONAME
+    return unknown or isinstance(error, InvalidURL | UnicodeError)
 
 
 def _receive(response: HTTPResponse, part: Path, held: int, progress: Progress) -> None:
@@ -311,16 +327,3 @@ def _verify(archives: Sequence[Archive], paths: Sequence[Path]) -> None:
             "download_archives needs a sha256 for each archive; put these into the params once you "
             f"have checked them (nothing is downloaded twice): {', '.join(unknown)}"
         )
-
-
-def _unpack(path: Path, folder: Path) -> None:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            members = [name for name in archive.namelist() if not name.startswith("__MACOSX/")]
-            for name in members:
-                place = PurePosixPath(name.replace("\\", "/"))
-                if place.is_absolute() or ".." in place.parts or ":" in place.parts[0]:
-                    raise ValueError(f"{path} needs members inside its own folder, got {name!r}")
-            archive.extractall(folder, members)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
-        raise ValueError(f"{path} needs to be a plain zip archive, got: {error}") from error

@@ -3,11 +3,14 @@
 import hashlib
 import io
 import json
+import socket
+import ssl
 import zipfile
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
+from urllib.error import URLError
 
 import numpy as np
 import pytest
@@ -219,6 +222,45 @@ def test_tells_of_a_server_that_is_not_there(folders: tuple[Path, Path]) -> None
         download_archives([archive], folders[0], cache=folders[1])
 
 
+LASTING = [
+    ssl.SSLCertVerificationError(1, "certificate verify failed: certificate has expired"),
+    ssl.SSLError(1, "unsupported protocol"),
+    socket.gaierror(socket.EAI_NONAME, "Name or service not known"),
+]
+PASSING = [
+    ssl.SSLEOFError(8, "EOF occurred in violation of protocol"),
+    socket.gaierror(socket.EAI_AGAIN, "Temporary failure in name resolution"),
+    TimeoutError("timed out"),
+]
+
+
+@pytest.mark.parametrize("reason", [*LASTING, *PASSING], ids=lambda reason: str(reason))
+def test_what_stays_wrong_is_not_called_a_cut(
+    folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, reason: OSError
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise URLError(reason)
+
+    monkeypatch.setattr(acquisition, "urlopen", refuse)
+    archive = Archive("https://127.0.0.1:9/x.zip", "0" * 64)
+    with pytest.raises(ConnectionError, match=r"x\.zip") as refusal:
+        download_archives([archive], folders[0], cache=folders[1])
+    said = str(refusal.value)
+    assert str(reason) in said
+    assert ("cannot be downloaded" in said) == (reason in LASTING)
+    assert ("was cut" in said) == (reason in PASSING)
+
+
+@pytest.mark.parametrize(
+    "url",
+    ["http://127.0.0.1:port/x.zip", f"http://{'a' * 70}.b/x.zip", "http://127.0.0.1:9/a b.zip"],
+)
+def test_an_address_that_is_none_is_not_called_a_cut(folders: tuple[Path, Path], url: str) -> None:
+    with pytest.raises(ConnectionError, match="cannot be downloaded") as refusal:
+        download_archives([Archive(url, "0" * 64)], folders[0], cache=folders[1])
+    assert str(refusal.value).startswith(url)
+
+
 def test_tells_of_a_server_that_hangs(
     folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -264,6 +306,17 @@ def test_refuses_what_is_no_zip(server: Server, folders: tuple[Path, Path]) -> N
     archive = Archive(server.give("x.zip", CONTENT), hash_bytes(CONTENT))
     with pytest.raises(ValueError, match="needs to be a plain zip archive"):
         download_archives([archive], folders[0], cache=folders[1])
+
+
+def test_what_cannot_be_unpacked_leaves_nothing_behind(
+    server: Server, folders: tuple[Path, Path]
+) -> None:
+    out, cache = folders
+    damaged = make_zip({"a.txt": b"whole", "b.txt": CONTENT}).replace(CONTENT[:64], bytes(64))
+    archive = Archive(server.give("x.zip", damaged), hash_bytes(damaged))
+    with pytest.raises(ValueError, match=r"x\.zip needs to be a plain zip archive, got: 'b\.txt'"):
+        download_archives([archive], out, cache=cache)
+    assert list_files(out.parent) == []
 
 
 def test_refuses_no_archive_and_an_address_that_is_a_file(folders: tuple[Path, Path]) -> None:
