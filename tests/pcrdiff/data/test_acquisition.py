@@ -6,7 +6,7 @@ import json
 import socket
 import ssl
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -23,6 +23,7 @@ from pcrdiff.data.acquisition import (
     refuse_download,
     write_manifest,
 )
+from pcrdiff.progress import T
 
 CONTENT = np.random.default_rng(0).bytes(300_000)
 
@@ -387,6 +388,53 @@ def test_a_manifest_follows_linked_folders(tmp_path: Path, local: Path) -> None:
     write_manifest(root, tmp_path / "out", source="local")
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["files"][0]["path"] == "sequences/a.txt"
+
+
+@pytest.mark.parametrize("goal", [".", "..", "b"])
+def test_a_manifest_names_each_file_once_where_a_link_leads_back(
+    tmp_path: Path, local: Path, goal: str
+) -> None:
+    (local / "b" / "again").symlink_to(local / goal, target_is_directory=True)
+    write_manifest(local, tmp_path / "out", source="local")
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    real = [(local / entry["path"]).resolve() for entry in manifest["files"]]
+    assert sorted(real) == sorted(local / name for name in ("a.txt", "b-a.txt", "b/1.bin"))
+
+
+REFUSED = [PermissionError(13, "Permission denied"), OSError(5, "Input/output error")]
+
+
+@pytest.mark.parametrize("error", [*REFUSED, OSError(116, "Stale file handle")])
+@pytest.mark.parametrize("method", ["iterdir", "open", "stat"])
+def test_what_cannot_be_read_is_named_and_no_manifest_is_written(
+    tmp_path: Path, local: Path, monkeypatch: pytest.MonkeyPatch, error: OSError, method: str
+) -> None:
+    place = local / ("b" if method == "iterdir" else "b/1.bin")
+    original = getattr(Path, method)
+
+    def refuse(path: Path, *args: object, **kwargs: object) -> object:
+        if path == place:
+            raise error
+        return original(path, *args, **kwargs)
+
+    monkeypatch.setattr(Path, method, refuse)
+    with pytest.raises(type(error)) as refusal:
+        write_manifest(local, tmp_path / "out", source="local")
+    assert str(place) in str(refusal.value)
+    assert str(error.strerror) in str(refusal.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_that_vanishes_while_others_are_hashed_is_named(tmp_path: Path, local: Path) -> None:
+    def watch(items: Sequence[T], description: str) -> Iterable[T]:
+        del description
+        for item in items:
+            (local / "b/1.bin").unlink(missing_ok=True)
+            yield item
+
+    with pytest.raises(FileNotFoundError, match=r"b/1\.bin cannot be read: No such file"):
+        write_manifest(local, tmp_path / "out", source="local", progress=watch)
+    assert not (tmp_path / "out").exists()
 
 
 def test_refuses_a_local_folder_that_is_missing_or_empty(tmp_path: Path) -> None:
