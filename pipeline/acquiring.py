@@ -8,6 +8,7 @@ from pcrdiff.data.acquisition import (
     Archive,
     download_archives,
     refuse_download,
+    refuse_foreign,
     write_manifest,
 )
 from pcrdiff.data.synthetic.kitti import write_kitti
@@ -28,22 +29,50 @@ WRITERS: dict[str, Callable[..., None]] = {
 def acquire(section: Acquire, out: Path, *, seed: int) -> None:
     """Put a data set, or the manifest of one that lies elsewhere, into ``out``.
 
-    A folder that is there already is replaced, and only when the new one is whole.
+    A folder that acquire made before is replaced, and only when the new one is whole. Whatever
+    else is there stays, and is refused.
 
     Raises:
         ValueError: The data set cannot be had this way, or an archive is not what it should be.
         OSError: A folder or server cannot be read, or the disk is full.
+        FileExistsError: What lies at ``out`` was not made by acquire.
     """
-    partial = out.with_name(f".{out.name}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
+    if section.source == "local":
+        _refuse_overlap(Path(str(section.root)), out)
+    refuse_foreign(out)
+    partial, retired = (out.with_name(f".{out.name}.{state}") for state in ("partial", "retired"))
+    _discard(partial)
+    _discard(retired)
     try:
         root = _fill(section, partial, seed)
         write_manifest(root, partial, source=section.source, base=project_root(), progress=bar)
     except BaseException:
-        shutil.rmtree(partial, ignore_errors=True)
+        _discard(partial)
         raise
-    shutil.rmtree(out, ignore_errors=True)
+    if out.exists():
+        out.rename(retired)  # a folder half removed would be nobody's
     partial.rename(out)
+    _discard(retired)
+
+
+def _refuse_overlap(root: Path, out: Path) -> None:
+    """Refuse a local data set that replacing ``out`` would remove, here or in the main project."""
+    folder = (project_root() / root.expanduser()).resolve()
+    for place in (out.resolve(), (project_root() / out).resolve()):
+        for own in (place, place.with_name(f".{place.name}.partial")):
+            if folder.is_relative_to(own) or own.is_relative_to(folder):
+                raise ValueError(
+                    f"a local data set needs a folder apart from {out}, which acquire replaces, "
+                    f"got root {root}: move the data set and name its new folder"
+                )
+
+
+def _discard(path: Path) -> None:
+    """Remove what an earlier run left half done; of a link the link alone."""
+    if path.is_symlink() or path.is_file():
+        path.unlink()
+    else:
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def _fill(section: Acquire, folder: Path, seed: int) -> Path:

@@ -2,19 +2,21 @@
 
 import hashlib
 import json
-import os
 import shutil
-import zipfile
+import socket
+import ssl
 from collections.abc import Sequence
 from dataclasses import dataclass
-from http.client import HTTPException, HTTPResponse
+from http.client import HTTPException, HTTPResponse, InvalidURL
 from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
-from urllib.error import HTTPError
+from urllib.error import HTTPError, URLError
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
+from pcrdiff.data.tree import entries, walk_files
+from pcrdiff.data.unpacking import unpack_zip
 from pcrdiff.progress import Progress, silent
 
 Source = Literal["synthetic", "local", "download"]
@@ -76,14 +78,7 @@ def write_manifest(
     paths = _list_files(folder, skip=out / MANIFEST)
     if not paths:
         raise ValueError(f"a {source} data set needs at least one file, {root} holds none")
-    files = [
-        {
-            "path": path.relative_to(folder).as_posix(),
-            "size": path.stat().st_size,
-            "sha256": _hash_file(path),
-        }
-        for path in progress(paths, f"hashing {root.name}")
-    ]
+    files = [_describe(path, folder) for path in progress(paths, f"hashing {root.name}")]
     manifest = {
         "schema": SCHEMA,
         "source": source,
@@ -97,18 +92,60 @@ def write_manifest(
 
 
 def _list_files(folder: Path, skip: Path) -> list[Path]:
-    found = (
-        Path(place) / name
-        for place, _, names in os.walk(folder, followlinks=True)
-        for name in names
-    )
-    kept = (path for path in found if path.is_file() and path.absolute() != skip.absolute())
+    kept = (path for path in walk_files(folder) if path.absolute() != skip.absolute())
     return sorted(kept, key=lambda path: path.relative_to(folder).as_posix())
+
+
+def _describe(path: Path, folder: Path) -> dict[str, str | int]:
+    """What a manifest says of one file."""
+    try:
+        size, digest = path.stat().st_size, _hash_file(path)
+    except OSError as error:
+        raise type(error)(f"{path} cannot be read: {error.strerror or error}") from error
+    return {"path": path.relative_to(folder).as_posix(), "size": size, "sha256": digest}
 
 
 def _hash_file(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Refuse to replace a folder that holds anything but a data set and its manifest.
+
+    Nothing, or an empty folder, may be replaced; so may what ``write_manifest`` described, as long
+    as it is still that.
+
+    Raises:
+        FileExistsError: It is a link or a file, it has no manifest, or it holds a file that its
+            manifest does not describe: a user's own.
+        OSError: It cannot be read.
+    """
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        kind = "a link" if folder.is_symlink() else "a file"
+        raise FileExistsError(f"acquire needs {folder} for itself, {kind} is there: move it away")
+    if not folder.is_dir() or not entries(folder):
+        return
+    described = _described(folder)
+    for path in _list_files(folder, skip=folder / MANIFEST):
+        if described.get(path.relative_to(folder).as_posix()) != _describe(path, folder):
+            raise FileExistsError(
+                f"acquire needs {folder} for itself, {path} is not from an acquire stage: "
+                "move it away"
+            )
+
+
+def _described(folder: Path) -> dict[str, dict[str, str | int]]:
+    """The files that lie in a folder itself, by the manifest that lies there too."""
+    try:
+        manifest = _load_manifest(folder / MANIFEST)
+        files = {} if manifest["source"] == "local" else manifest["files"]
+        return {entry["path"]: entry for entry in files}
+    except (FileNotFoundError, ValueError, TypeError, KeyError) as error:
+        raise FileExistsError(
+            f"acquire needs {folder} for itself, it holds files and no {MANIFEST} of an acquire "
+            "stage: move it away"
+        ) from error
 
 
 def read_manifest(folder: Path, *, base: Path) -> Path:
@@ -185,7 +222,7 @@ def download_archives(
     Raises:
         ConnectionError: A server refused, or the download was cut, or the disk is full.
         ValueError: No archive, a digest that is missing (the message gives what was found) or
-            wrong (the archive is removed), no zip, or one that would write outside ``out``.
+            wrong (the archive is removed), or an archive that ``unpack_zip`` refuses.
         OSError: ``out`` cannot be written.
     """
     if not archives:
@@ -197,7 +234,7 @@ def download_archives(
     try:
         staging.mkdir(parents=True)
         for path in progress(paths, f"unpacking {out.name}"):
-            _unpack(path, staging)
+            unpack_zip(path, staging)
         if out.exists():
             shutil.rmtree(out)
         staging.replace(out)
@@ -235,12 +272,26 @@ def _download(url: str, part: Path, progress: Progress) -> None:
         raise ConnectionError(
             f"{url} cannot be downloaded, the server answered {error.code} {error.reason}"
         ) from error
-    except (HTTPException, OSError) as error:  # refused, timed out, cut, disk full
+    except (HTTPException, OSError, UnicodeError) as error:  # refused, timed out, cut, disk full
+        if _is_lasting(error):
+            raise ConnectionError(
+                f"{url} cannot be downloaded, nor by running again: "
+                f"{getattr(error, 'reason', error)}"
+            ) from error
         held = part.stat().st_size if part.is_file() else 0
         raise ConnectionError(
             f"{url} was cut after {held} bytes ({getattr(error, 'reason', error)}), "
             f"run again to go on from there; they are kept as {part}"
         ) from error
+
+
+def _is_lasting(error: Exception) -> bool:
+    """Whether the address or the server's certificate is wrong, rather than the connection."""
+    reason = getattr(error, "reason", error)
+    if isinstance(error, URLError) and isinstance(reason, ssl.SSLError):  # no agreement on TLS
+        return not isinstance(reason, ssl.SSLEOFError | ssl.SSLZeroReturnError)
+    unknown = isinstance(reason, socket.gaierror) and reason.errno == socket.EAI_NONAME
+    return unknown or isinstance(error, InvalidURL | UnicodeError)
 
 
 def _receive(response: HTTPResponse, part: Path, held: int, progress: Progress) -> None:
@@ -276,16 +327,3 @@ def _verify(archives: Sequence[Archive], paths: Sequence[Path]) -> None:
             "download_archives needs a sha256 for each archive; put these into the params once you "
             f"have checked them (nothing is downloaded twice): {', '.join(unknown)}"
         )
-
-
-def _unpack(path: Path, folder: Path) -> None:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            members = [name for name in archive.namelist() if not name.startswith("__MACOSX/")]
-            for name in members:
-                place = PurePosixPath(name.replace("\\", "/"))
-                if place.is_absolute() or ".." in place.parts or ":" in place.parts[0]:
-                    raise ValueError(f"{path} needs members inside its own folder, got {name!r}")
-            archive.extractall(folder, members)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
-        raise ValueError(f"{path} needs to be a plain zip archive, got: {error}") from error

@@ -1,5 +1,7 @@
 """Listing folders so that nothing which cannot be listed is passed over in silence."""
 
+import errno
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -21,7 +23,7 @@ def walk_files(folder: Path) -> Iterator[Path]:
     """Every file below a folder, links followed; each real folder is entered once.
 
     Raises:
-        OSError: As for ``entries``, for any folder below.
+        OSError: As for ``entries``, for any folder below; or a file vanished meanwhile.
     """
     seen: set[tuple[int, int]] = set()
     waiting = [folder]
@@ -32,7 +34,18 @@ def walk_files(folder: Path) -> Iterator[Path]:
             continue
         seen.add((status.st_dev, status.st_ino))
         for path in entries(place):
-            if path.is_dir():
+            mode = _mode(path)
+            if stat.S_ISDIR(mode):
                 waiting.append(path)
-            elif path.is_file():
+            elif stat.S_ISREG(mode):
                 yield path
+
+
+def _mode(path: Path) -> int:
+    """The mode of what a path leads to; 0 for a link that leads nowhere."""
+    try:
+        return path.stat().st_mode
+    except OSError as error:
+        if error.errno in (errno.ENOENT, errno.ENOTDIR, errno.ELOOP) and path.is_symlink():
+            return 0
+        raise type(error)(f"{path} cannot be read: {error.strerror or error}") from error

@@ -3,11 +3,14 @@
 import hashlib
 import io
 import json
+import socket
+import ssl
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
+from urllib.error import URLError
 
 import numpy as np
 import pytest
@@ -20,6 +23,7 @@ from pcrdiff.data.acquisition import (
     refuse_download,
     write_manifest,
 )
+from pcrdiff.progress import T
 
 CONTENT = np.random.default_rng(0).bytes(300_000)
 
@@ -219,6 +223,45 @@ def test_tells_of_a_server_that_is_not_there(folders: tuple[Path, Path]) -> None
         download_archives([archive], folders[0], cache=folders[1])
 
 
+LASTING = [
+    ssl.SSLCertVerificationError(1, "certificate verify failed: certificate has expired"),
+    ssl.SSLError(1, "unsupported protocol"),
+    socket.gaierror(socket.EAI_NONAME, "Name or service not known"),
+]
+PASSING = [
+    ssl.SSLEOFError(8, "EOF occurred in violation of protocol"),
+    socket.gaierror(socket.EAI_AGAIN, "Temporary failure in name resolution"),
+    TimeoutError("timed out"),
+]
+
+
+@pytest.mark.parametrize("reason", [*LASTING, *PASSING], ids=lambda reason: str(reason))
+def test_what_stays_wrong_is_not_called_a_cut(
+    folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, reason: OSError
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise URLError(reason)
+
+    monkeypatch.setattr(acquisition, "urlopen", refuse)
+    archive = Archive("https://127.0.0.1:9/x.zip", "0" * 64)
+    with pytest.raises(ConnectionError, match=r"x\.zip") as refusal:
+        download_archives([archive], folders[0], cache=folders[1])
+    said = str(refusal.value)
+    assert str(reason) in said
+    assert ("cannot be downloaded" in said) == (reason in LASTING)
+    assert ("was cut" in said) == (reason in PASSING)
+
+
+@pytest.mark.parametrize(
+    "url",
+    ["http://127.0.0.1:port/x.zip", f"http://{'a' * 70}.b/x.zip", "http://127.0.0.1:9/a b.zip"],
+)
+def test_an_address_that_is_none_is_not_called_a_cut(folders: tuple[Path, Path], url: str) -> None:
+    with pytest.raises(ConnectionError, match="cannot be downloaded") as refusal:
+        download_archives([Archive(url, "0" * 64)], folders[0], cache=folders[1])
+    assert str(refusal.value).startswith(url)
+
+
 def test_tells_of_a_server_that_hangs(
     folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -264,6 +307,17 @@ def test_refuses_what_is_no_zip(server: Server, folders: tuple[Path, Path]) -> N
     archive = Archive(server.give("x.zip", CONTENT), hash_bytes(CONTENT))
     with pytest.raises(ValueError, match="needs to be a plain zip archive"):
         download_archives([archive], folders[0], cache=folders[1])
+
+
+def test_what_cannot_be_unpacked_leaves_nothing_behind(
+    server: Server, folders: tuple[Path, Path]
+) -> None:
+    out, cache = folders
+    damaged = make_zip({"a.txt": b"whole", "b.txt": CONTENT}).replace(CONTENT[:64], bytes(64))
+    archive = Archive(server.give("x.zip", damaged), hash_bytes(damaged))
+    with pytest.raises(ValueError, match=r"x\.zip needs to be a plain zip archive, got: 'b\.txt'"):
+        download_archives([archive], out, cache=cache)
+    assert list_files(out.parent) == []
 
 
 def test_refuses_no_archive_and_an_address_that_is_a_file(folders: tuple[Path, Path]) -> None:
@@ -334,6 +388,53 @@ def test_a_manifest_follows_linked_folders(tmp_path: Path, local: Path) -> None:
     write_manifest(root, tmp_path / "out", source="local")
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["files"][0]["path"] == "sequences/a.txt"
+
+
+@pytest.mark.parametrize("goal", [".", "..", "b"])
+def test_a_manifest_names_each_file_once_where_a_link_leads_back(
+    tmp_path: Path, local: Path, goal: str
+) -> None:
+    (local / "b" / "again").symlink_to(local / goal, target_is_directory=True)
+    write_manifest(local, tmp_path / "out", source="local")
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    real = [(local / entry["path"]).resolve() for entry in manifest["files"]]
+    assert sorted(real) == sorted(local / name for name in ("a.txt", "b-a.txt", "b/1.bin"))
+
+
+REFUSED = [PermissionError(13, "Permission denied"), OSError(5, "Input/output error")]
+
+
+@pytest.mark.parametrize("error", [*REFUSED, OSError(116, "Stale file handle")])
+@pytest.mark.parametrize("method", ["iterdir", "open", "stat"])
+def test_what_cannot_be_read_is_named_and_no_manifest_is_written(
+    tmp_path: Path, local: Path, monkeypatch: pytest.MonkeyPatch, error: OSError, method: str
+) -> None:
+    place = local / ("b" if method == "iterdir" else "b/1.bin")
+    original = getattr(Path, method)
+
+    def refuse(path: Path, *args: object, **kwargs: object) -> object:
+        if path == place:
+            raise error
+        return original(path, *args, **kwargs)
+
+    monkeypatch.setattr(Path, method, refuse)
+    with pytest.raises(type(error)) as refusal:
+        write_manifest(local, tmp_path / "out", source="local")
+    assert str(place) in str(refusal.value)
+    assert str(error.strerror) in str(refusal.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_that_vanishes_while_others_are_hashed_is_named(tmp_path: Path, local: Path) -> None:
+    def watch(items: Sequence[T], description: str) -> Iterable[T]:
+        del description
+        for item in items:
+            (local / "b/1.bin").unlink(missing_ok=True)
+            yield item
+
+    with pytest.raises(FileNotFoundError, match=r"b/1\.bin cannot be read: No such file"):
+        write_manifest(local, tmp_path / "out", source="local", progress=watch)
+    assert not (tmp_path / "out").exists()
 
 
 def test_refuses_a_local_folder_that_is_missing_or_empty(tmp_path: Path) -> None:
