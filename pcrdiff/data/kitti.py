@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64
 
+from pcrdiff.data.number_rows import Line, read_lines, read_number
 from pcrdiff.data.raw import Cloud, RawItem, RecordedPair, check_cloud, check_rigid
 
 BYTES_PER_POINT = 16
@@ -144,13 +145,13 @@ def _read_lidar_poses(
     path = folder / "poses" / f"{sequence}.txt"
     if not path.is_file():
         raise FileNotFoundError(f"KITTI needs the poses {path} to pair scans, which is missing")
-    rows = [line for line in path.read_text().splitlines() if line.strip()]
+    rows = read_lines(path)
     numbers = [int(name.partition("/")[2]) for name in names]
     if max(numbers) >= len(rows):
         raise ValueError(
             f"{path} needs a pose for scan {max(numbers):06d}, it has only {len(rows)} poses"
         )
-    poses = [_read_pose(rows[number], f"{path}, line {number + 1},") for number in numbers]
+    poses = [_read_pose(rows[number], path) for number in numbers]
     T_world_lidar: Float64[np.ndarray, "scans 4 4"] = np.stack(poses) @ T_camera_lidar
     return T_world_lidar
 
@@ -158,18 +159,16 @@ def _read_lidar_poses(
 def _read_T_camera_lidar(path: Path) -> Float64[np.ndarray, "4 4"]:
     if not path.is_file():
         raise FileNotFoundError(f"KITTI needs the calibration {path} to pair scans, it is missing")
-    for line in path.read_text().splitlines():
-        key, _, values = line.partition(":")
+    for line in read_lines(path):
+        key, _, values = line.text.partition(":")
         if key.strip() in ("Tr", "Tr_velo_to_cam"):
-            return _read_pose(values, f"{path}, line {key.strip()!r},")
+            return _read_pose(Line(line.number, values), path)
     raise ValueError(f"{path} needs a line `Tr:` or `Tr_velo_to_cam:`, it has none")
 
 
-def _read_pose(text: str, where: str) -> Float64[np.ndarray, "4 4"]:
-    try:
-        values = np.array(text.split(), dtype=np.float64)
-    except ValueError as error:
-        raise ValueError(f"{where} needs 12 numbers, got: {error}") from error
-    if values.shape != (12,):
-        raise ValueError(f"{where} needs 12 numbers, got {len(values)}")
+def _read_pose(line: Line, path: Path) -> Float64[np.ndarray, "4 4"]:
+    where, words = f"{path}, line {line.number},", line.text.split()
+    if len(words) != 12:
+        raise ValueError(f"{where} needs 12 numbers, got {len(words)}")
+    values = np.array([read_number(word, where, "a pose") for word in words])
     return check_rigid(np.vstack([values.reshape(3, 4), [0, 0, 0, 1]]), where)

@@ -120,7 +120,11 @@ def test_an_old_pair_file_stays_when_a_new_one_cannot_be_made(project: Path) -> 
     [
         ("8 6 0\n0 0 0\n", "needs to begin with OFF"),
         ("OFF\n8 6 0\n0 0 0\n", "needs 8 vertices and 6 faces as its header says"),
-        ("OFF\n3 1 0\n0 0 0\n1 0 0\n0 nan 0\n3 0 1 2\n", "needs finite coordinates"),
+        (
+            "OFF\n3 1 0\n0 0 0\n1 0 0\n0 nan 0\n3 0 1 2\n",
+            "line 5, needs vertices `x y z` of finite numbers",
+        ),
+        ("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 1.#QNAN\n3 0 1 2\n", "line 5, needs vertices"),
         ("OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n", "needs a mesh with area"),
         ("", "needs to begin with OFF"),
     ],
@@ -236,11 +240,11 @@ def test_a_whole_log_is_read(tmp_path: Path) -> None:
     ("text", "expected"),
     [
         (BLOCK + BLOCK[: len(BLOCK) // 2], "needs blocks of 5 lines"),
-        (BLOCK.removesuffix("0 0 0 1\n") + "0 0\n", "needs `i j n` and a 4x4 pose"),
+        (BLOCK.removesuffix("0 0 0 1\n") + "0 0\n", "line 5, needs 4 numbers, a row of a 4x4 pose"),
         ("", "needs blocks of 5 lines"),
         (BLOCK.replace("1 0 0 0.5", "2 0 0 0.5"), "needs a rigid pose"),
         (BLOCK.replace("1 0 0 0.5", "-1 0 0 0.5"), "needs a rigid pose"),
-        (BLOCK.replace("0.5", "nan"), "needs a finite 4x4 pose"),
+        (BLOCK.replace("0.5", "nan"), "line 2, needs a pose of finite numbers"),
         (BLOCK.replace("0\t1\t2", "0\t7\t2"), "names fragment 7"),
     ],
 )

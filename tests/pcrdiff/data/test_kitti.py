@@ -8,6 +8,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from pcrdiff.data.kitti import read_items, read_pairs, read_scan
+from tests.pcrdiff.data.no_numbers import NO_NUMBERS
 
 T_CAMERA_LIDAR = np.array([[0, -1.0, 0, 0.1], [0, 0, -1, 0.2], [1, 0, 0, -0.3], [0, 0, 0, 1]])
 
@@ -171,6 +172,35 @@ def test_refuses_too_few_poses_and_broken_ones(tmp_path: Path) -> None:
         read_pairs(tmp_path)
     path.write_text("".join([*lines[:4], format_pose(2 * np.eye(4)) + "\n"]))
     with pytest.raises(ValueError, match=r"00\.txt, line 5, needs a rigid pose"):
+        read_pairs(tmp_path)
+
+
+@pytest.mark.parametrize("word", NO_NUMBERS)
+@pytest.mark.parametrize(
+    ("name", "line", "where"),
+    [
+        ("poses/00.txt", 3, r"00\.txt, line 4,"),
+        ("sequences/00/calib.txt", 1, r"calib\.txt, line 2,"),
+    ],
+)
+def test_refuses_a_pose_with_what_is_no_finite_number(
+    tmp_path: Path, name: str, line: int, where: str, word: str
+) -> None:
+    write_sequence(tmp_path)
+    lines = (tmp_path / name).read_text().splitlines()
+    lines[line] = lines[line].rpartition(" ")[0] + f" {word}"
+    (tmp_path / name).write_text("\n".join(lines))
+    with pytest.raises(ValueError, match=rf"{where} needs a pose of finite numbers") as refused:
+        read_pairs(tmp_path)
+    assert repr(word) in str(refused.value)
+
+
+def test_a_broken_pose_is_named_by_its_line_though_blank_ones_stand_before(tmp_path: Path) -> None:
+    write_sequence(tmp_path)
+    path = tmp_path / "poses" / "00.txt"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(["", "", *lines[:4], "1 2 3"]))
+    with pytest.raises(ValueError, match=r"00\.txt, line 7, needs 12 numbers"):
         read_pairs(tmp_path)
 
 
