@@ -11,7 +11,7 @@ from jaxtyping import Float, Int64
 
 from pcrdiff.data.number_rows import SHOWN, read_lines, read_rows, split_lines, without_comments
 from pcrdiff.data.off import read_off
-from pcrdiff.data.raw import Cloud, Oriented, RawItem, check_cloud
+from pcrdiff.data.raw import Cloud, Oriented, RawItem, check_cloud, check_extent
 
 CATEGORIES: tuple[str, ...] = (
     "airplane", "bathtub", "bed", "bench", "bookshelf", "bottle", "bowl", "car", "chair", "cone",
@@ -152,7 +152,8 @@ def _read_labels(path: Path, num_names: int) -> Int64[np.ndarray, " shapes"]:
 
 def _read_hdf5_cloud(path: Path, index: int) -> Cloud | Oriented:
     clouds, _ = _read_hdf5(path)
-    return check_cloud(clouds[index], f"{path}, shape {index},")
+    where = f"{path}, shape {index},"
+    return check_extent(check_cloud(clouds[index], where), where)
 
 
 def _read_hdf5(

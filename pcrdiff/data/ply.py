@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from pcrdiff.data.number_rows import read_rows, split_lines, without_comments
-from pcrdiff.data.raw import Cloud, Oriented, check_cloud
+from pcrdiff.data.raw import Cloud, Oriented, check_cloud, check_extent
 
 NUMBERS = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
@@ -48,7 +48,8 @@ def read_ply(path: Path) -> Cloud | Oriented:
     Raises:
         FileNotFoundError: No such file.
         ValueError: No PLY file, vertices that do not come first or lack a coordinate, fewer of
-            them than announced, none at all, or one that is not finite.
+            them than announced, none at all, one that is not finite, or, in a binary file, one
+            too far away (see ``check_extent``).
     """
     if not path.is_file():
         raise FileNotFoundError(f"read_ply needs a file, {path} is missing")
@@ -56,7 +57,8 @@ def read_ply(path: Path) -> Cloud | Oriented:
     points = _read_text(path, header) if header.format == "ascii" else _read_binary(path, header)
     if len(points) != header.count:
         raise ValueError(f"{path} needs the {header.count} points it announces, got {len(points)}")
-    return check_cloud(points, str(path))
+    cloud = check_cloud(points, str(path))
+    return cloud if header.format == "ascii" else check_extent(cloud, str(path))
 
 
 def _read_header(path: Path) -> Header:

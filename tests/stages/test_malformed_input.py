@@ -66,7 +66,7 @@ def write_scans(folder: Path, spoil: Callable[[Path], object] = lambda _: None) 
     velodyne.mkdir(parents=True)
     generator = np.random.default_rng(3)
     for number in range(3):
-        points = generator.uniform(-20, 20, (60, 4)).astype("<f4")
+        points = generator.uniform([-20, -20, -3, 0], [20, 20, 3, 1], (60, 4)).astype("<f4")
         (velodyne / f"{number:06d}.bin").write_bytes(points.tobytes())
     spoil(velodyne / "000000.bin")
 
@@ -77,6 +77,14 @@ def cut(path: Path) -> None:
 
 def put_nan(path: Path) -> None:
     path.write_bytes(struct.pack("<f", float("nan")) + path.read_bytes()[4:])
+
+
+def save_as_float64(path: Path) -> None:
+    path.write_bytes(np.fromfile(path, "<f4").astype("<f8").tobytes())
+
+
+def drop_reflectance(path: Path) -> None:
+    path.write_bytes(np.fromfile(path, "<f4").reshape(-1, 4)[:, :3].tobytes())
 
 
 def empty(path: Path) -> None:
@@ -92,6 +100,8 @@ def empty(path: Path) -> None:
         (cut, "needs 16 bytes per point"),
         (put_nan, "needs finite coordinates, 1 of its 60 points"),
         (empty, "needs points as [n, 3] with n > 0"),
+        (save_as_float64, "it looks like float64 x, y, z, reflectance"),
+        (drop_reflectance, "it looks like float32 x, y, z"),
     ],
 )
 def test_a_spoilt_scan(blank: Path, spoil: Callable[[Path], None], expected: str) -> None:

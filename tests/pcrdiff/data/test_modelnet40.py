@@ -212,6 +212,13 @@ def test_refuses_a_shape_with_nan_when_it_is_read(tmp_path: Path) -> None:
         items[1].read()
 
 
+def test_refuses_a_shape_whose_numbers_cannot_be_of_a_unit_sphere(tmp_path: Path) -> None:
+    data = write_hdf5_layout(tmp_path)
+    write_hdf5(tmp_path, "train", [0, 1], data.view(">f4").astype("<f4"))
+    with pytest.raises(ValueError, match=r"ply_data_train0\.h5, shape 0, needs .*coordinates"):
+        read_items(tmp_path)[0].read()
+
+
 def test_refuses_resampled_clouds_without_a_list_or_a_listed_file(tmp_path: Path) -> None:
     write_resampled(tmp_path)
     (tmp_path / "night_stand/night_stand_0002.txt").unlink()

@@ -106,6 +106,13 @@ def test_refuses_a_coordinate_that_is_not_finite_in_bytes(tmp_path: Path, value:
         read_ply(path)
 
 
+def test_refuses_bytes_in_another_order_than_announced(tmp_path: Path) -> None:
+    points = np.random.default_rng(0).random((50, 3)).astype(">f4").tobytes()
+    path = write(tmp_path, f"format binary_little_endian 1.0\nelement vertex 50\n{XYZ}", points)
+    with pytest.raises(ValueError, match=r"cloud_bin_0\.ply needs (finite )?coordinates"):
+        read_ply(path)
+
+
 def test_refuses_what_is_no_ply_at_all(tmp_path: Path) -> None:
     path = tmp_path / "cloud_bin_0.ply"
     for content in (b"", b"solid stl", b"OFF\n1 1 0\n"):
