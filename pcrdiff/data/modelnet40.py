@@ -9,8 +9,9 @@ import h5py
 import numpy as np
 from jaxtyping import Float, Int64
 
+from pcrdiff.data.number_rows import SHOWN, read_lines, read_rows, split_lines, without_comments
 from pcrdiff.data.off import read_off
-from pcrdiff.data.raw import Cloud, Oriented, RawItem, check_cloud
+from pcrdiff.data.raw import Cloud, Oriented, RawItem, check_cloud, check_extent
 
 CATEGORIES: tuple[str, ...] = (
     "airplane", "bathtub", "bed", "bench", "bookshelf", "bottle", "bowl", "car", "chair", "cone",
@@ -87,7 +88,7 @@ def _check_category(name: str, where: Path) -> str:
 def _read_lines(path: Path) -> list[str]:
     if not path.is_file():
         raise FileNotFoundError(f"ModelNet40 needs the list {path}, which is missing")
-    lines = [line.strip() for line in path.read_text().splitlines() if line.strip()]
+    lines = [line.text.strip() for line in read_lines(path)]
     if not lines:
         raise ValueError(f"{path} needs at least one name, it is empty")
     return lines
@@ -151,7 +152,8 @@ def _read_labels(path: Path, num_names: int) -> Int64[np.ndarray, " shapes"]:
 
 def _read_hdf5_cloud(path: Path, index: int) -> Cloud | Oriented:
     clouds, _ = _read_hdf5(path)
-    return check_cloud(clouds[index], f"{path}, shape {index},")
+    where = f"{path}, shape {index},"
+    return check_extent(check_cloud(clouds[index], where), where)
 
 
 def _read_hdf5(
@@ -212,10 +214,15 @@ def _list_resampled(folder: Path) -> list[RawItem]:
 
 
 def _read_resampled(path: Path) -> Cloud | Oriented:
-    try:
-        points = np.loadtxt(path, delimiter=",", ndmin=2)
-    except ValueError as error:
-        raise ValueError(f"{path} needs lines `x,y,z,nx,ny,nz`, got: {error}") from error
+    lines = split_lines(without_comments(path.read_bytes()), path)
+    width = lines[0].text.count(",") + 1 if lines else 0
+    other = next((line for line in lines if line.text.count(",") + 1 != width), None)
+    if other is not None:
+        raise ValueError(
+            f"{path}, line {other.number}, needs {width} numbers as the first line has, "
+            f"got {other.text[:SHOWN]!r}"
+        )
+    points = read_rows(lines, range(width), path, "lines `x,y,z,nx,ny,nz`", ",")
     return _turn_upright(check_cloud(points, str(path)))
 
 

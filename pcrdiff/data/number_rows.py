@@ -1,13 +1,133 @@
-"""Rows of numbers in text, parsed all at once: what takes longest in reading a mesh."""
+"""Text of numbers: parsed all at once, or line by line where a fault is to be named."""
 
-from typing import Literal
+import codecs
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pyarrow
-from jaxtyping import Num
+from jaxtyping import Float64, Num
 from pyarrow import csv
 
 TYPES = {"real": pyarrow.float64(), "whole": pyarrow.int64()}
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+"""Neither ``nan`` nor ``1_000``, which ``float`` reads too."""
+COMMENT = re.compile(rb"(?<!\S)#[^\r\n]*")
+"""From a ``#`` that begins a line or stands after a blank; within a word it is a fault."""
+SHOWN = 60
+"""How much of a line is shown."""
+
+
+class Line(NamedTuple):
+    """A line of a file."""
+
+    number: int
+    """As an editor counts, from 1."""
+    text: str
+
+
+def read_lines(path: Path) -> list[Line]:
+    """The lines of a file that are not blank.
+
+    Raises:
+        ValueError: The file is not in UTF-8.
+    """
+    return split_lines(path.read_bytes(), path)
+
+
+def split_lines(content: bytes, path: Path, *, first: int = 1) -> list[Line]:
+    """The lines that are not blank.
+
+    Args:
+        content: What the file holds, or its end.
+        path: The file, for the message.
+        first: The number of the first line.
+
+    Raises:
+        ValueError: It is not UTF-8.
+    """
+    lines = _decode(content, path, first).splitlines()
+    return [Line(number, text) for number, text in enumerate(lines, first) if text.strip()]
+
+
+def without_comments(content: bytes) -> bytes:
+    """The same lines, each without the comment that it ends with, whatever its encoding."""
+    return COMMENT.sub(b"", content.removeprefix(codecs.BOM_UTF8)) if b"#" in content else content
+
+
+def _decode(content: bytes, path: Path, first: int) -> str:
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise ValueError(f"{path} needs to be text in UTF-8, it begins as UTF-16 does")
+    try:
+        text = content.removeprefix(codecs.BOM_UTF8).decode("utf-8")
+    except UnicodeDecodeError as error:
+        before = error.object[: error.start]
+        raise ValueError(
+            f"{path}, line {first + before.count(10)}, needs to be text in UTF-8, got the byte "
+            f"0x{error.object[error.start]:02x}: it may be in Latin-1"
+        ) from error
+    return text.replace("\r\n", "\n")
+
+
+def read_rows(
+    lines: Sequence[Line],
+    columns: Sequence[int],
+    path: Path,
+    form: str,
+    separator: str | None = None,
+) -> Float64[np.ndarray, "rows columns"]:
+    """The numbers in some columns of each line.
+
+    Args:
+        lines: The lines.
+        columns: Which columns, from 0.
+        path: The file, for the message.
+        form: What a line looks like, for the message: ``vertices `x y z```.
+        separator: What stands between two columns; blanks if None.
+
+    Raises:
+        ValueError: A line has fewer columns, or one of them is no finite number.
+    """
+    if not lines:
+        return np.zeros((0, len(columns)))
+    texts = [line.text for line in lines]
+    try:
+        rows = np.loadtxt(texts, comments=None, delimiter=separator, usecols=columns, ndmin=2)
+    except ValueError:
+        rows = np.full((1, 1), np.nan)
+    if np.isfinite(rows).all():
+        return rows
+    return np.array([_read_row(line, columns, path, form, separator) for line in lines])
+
+
+def _read_row(
+    line: Line, columns: Sequence[int], path: Path, form: str, separator: str | None
+) -> list[float]:
+    words = line.text.split(separator)
+    if len(words) <= max(columns):
+        raise ValueError(f"{path}, line {line.number}, needs {form}, got {line.text[:SHOWN]!r}")
+    where = f"{path}, line {line.number},"
+    return [read_number(words[column].strip(), where, form) for column in columns]
+
+
+def read_number(word: str, where: str, form: str) -> float:
+    """A finite number.
+
+    Args:
+        word: How it is written.
+        where: The file and the line, for the message.
+        form: What it belongs to, for the message: ``vertices `x y z```.
+
+    Raises:
+        ValueError: It is no number, or not finite.
+    """
+    number = float(word) if NUMBER.fullmatch(word) else math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{where} needs {form} of finite numbers, got {word[:SHOWN]!r}")
+    return number
 
 
 def parse_rows(

@@ -1,5 +1,6 @@
 """Reading meshes in the Object File Format, with the defects ModelNet40 really has."""
 
+import re
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -7,8 +8,18 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from pcrdiff.data.number_rows import parse_rows
+from pcrdiff.data.number_rows import (
+    SHOWN,
+    Line,
+    parse_rows,
+    read_rows,
+    split_lines,
+    without_comments,
+)
 from pcrdiff.data.raw import Mesh, check_cloud
+
+INDEX = re.compile(r"[+-]?[0-9]{1,18}")
+"""A whole number that 64 bits hold."""
 
 
 def read_off(path: Path) -> Mesh:
@@ -20,7 +31,7 @@ def read_off(path: Path) -> Mesh:
     Raises:
         FileNotFoundError: No such file.
         ValueError: No ``OFF`` header, fewer lines than it announces, no face, a vertex that is not
-            finite, or a face that names a vertex which is not there.
+            of finite numbers, or a face that names a vertex which is not there.
     """
     if not path.is_file():
         raise FileNotFoundError(f"read_off needs a mesh file, {path} is missing")
@@ -58,7 +69,7 @@ def _read_plain(content: bytes, path: Path) -> Mesh | None:
 
 
 def _read_any(content: bytes, path: Path) -> Mesh:
-    lines = _split_lines(content)
+    lines = split_lines(without_comments(content), path)
     num_vertices, num_faces, start = _read_header(lines, path)
     if len(lines) < start + num_vertices + num_faces:
         raise ValueError(
@@ -81,22 +92,14 @@ def _checked(
     return Mesh(vertices=vertices, faces=faces)
 
 
-def _split_lines(content: bytes) -> list[str]:
-    text = content.decode("utf-8", errors="replace")
-    lines = text.splitlines()
-    if "#" in text:
-        lines = [line.partition("#")[0] for line in lines]
-    return [line for line in lines if line and not line.isspace()]
-
-
-def _read_header(lines: Sequence[str], path: Path) -> tuple[int, int, int]:
+def _read_header(lines: Sequence[Line], path: Path) -> tuple[int, int, int]:
     """Give the counts of vertices and faces, and the line where the vertices start."""
-    first = lines[0].strip() if lines else ""
+    first = lines[0].text.strip() if lines else ""
     if not first.startswith("OFF"):
         raise ValueError(f"{path} needs to begin with OFF, it begins with {first[:40]!r}")
     fused = first.removeprefix("OFF").split()
-    counts = fused or (lines[1].split() if len(lines) > 1 else [])
-    if len(counts) < 2 or not all(count.isdecimal() for count in counts):
+    counts = fused or (lines[1].text.split() if len(lines) > 1 else [])
+    if len(counts) < 2 or not all(count.isascii() and count.isdecimal() for count in counts):
         raise ValueError(f"{path} needs counts of vertices, faces and edges, got {counts}")
     if int(counts[0]) == 0 or int(counts[1]) == 0:
         raise ValueError(
@@ -105,29 +108,21 @@ def _read_header(lines: Sequence[str], path: Path) -> tuple[int, int, int]:
     return int(counts[0]), int(counts[1]), 1 if fused else 2
 
 
-def _read_vertices(lines: Sequence[str], path: Path) -> Float64[np.ndarray, "v 3"]:
-    try:
-        vertices = np.loadtxt(lines, usecols=(0, 1, 2), ndmin=2)
-    except ValueError as error:
-        raise ValueError(f"{path} needs vertices as `x y z`, got: {error}") from error
-    return check_cloud(vertices, str(path))
+def _read_vertices(lines: Sequence[Line], path: Path) -> Float64[np.ndarray, "v 3"]:
+    return check_cloud(read_rows(lines, range(3), path, "vertices `x y z`"), str(path))
 
 
-def _read_faces(lines: Sequence[str], path: Path) -> Int64[np.ndarray, "f 3"]:
-    try:
-        faces = np.loadtxt(lines, dtype=np.int64, usecols=(0, 1, 2, 3), ndmin=2)
-        if (faces[:, 0] == 3).all():
-            return faces[:, 1:]
-        return np.array([face for line in lines for face in _cut_into_triangles(line)])
-    except ValueError as error:
+def _read_faces(lines: Sequence[Line], path: Path) -> Int64[np.ndarray, "f 3"]:
+    return np.array([face for line in lines for face in _cut_into_triangles(line, path)])
+
+
+def _cut_into_triangles(line: Line, path: Path) -> list[tuple[int, int, int]]:
+    count, *rest = line.text.split()
+    words = rest[: int(count)] if INDEX.fullmatch(count) else []
+    if not all(map(INDEX.fullmatch, words)) or not 3 <= len(words) == int(count):
         raise ValueError(
-            f"{path} needs faces as `n i j k ...` with n > 2 corners, got: {error}"
-        ) from error
-
-
-def _cut_into_triangles(line: str) -> list[tuple[int, int, int]]:
-    count, *rest = line.split()
-    corners = [int(corner) for corner in rest[: int(count)]]
-    if len(corners) != int(count) or len(corners) < 3:
-        raise ValueError(f"{line.strip()[:60]!r}")
+            f"{path}, line {line.number}, needs faces `n i j k ...` of whole numbers with n > 2 "
+            f"corners, got {line.text.strip()[:SHOWN]!r}"
+        )
+    corners = [int(word) for word in words]
     return [(corners[0], b, c) for b, c in pairwise(corners[1:])]

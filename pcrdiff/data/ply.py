@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64
 
-from pcrdiff.data.raw import Cloud, Oriented, check_cloud
+from pcrdiff.data.number_rows import read_rows, split_lines, without_comments
+from pcrdiff.data.raw import Cloud, Oriented, check_cloud, check_extent
 
 NUMBERS = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
@@ -31,6 +32,8 @@ class Header:
     """Name and numpy type of each number of a point, in order."""
     size: int
     """Bytes until the first point."""
+    num_lines: int
+    """Lines until the first point."""
 
     @property
     def columns(self) -> list[str]:
@@ -45,7 +48,8 @@ def read_ply(path: Path) -> Cloud | Oriented:
     Raises:
         FileNotFoundError: No such file.
         ValueError: No PLY file, vertices that do not come first or lack a coordinate, fewer of
-            them than announced, none at all, or one that is not finite.
+            them than announced, none at all, one that is not finite, or, in a binary file, one
+            too far away (see ``check_extent``).
     """
     if not path.is_file():
         raise FileNotFoundError(f"read_ply needs a file, {path} is missing")
@@ -53,7 +57,8 @@ def read_ply(path: Path) -> Cloud | Oriented:
     points = _read_text(path, header) if header.format == "ascii" else _read_binary(path, header)
     if len(points) != header.count:
         raise ValueError(f"{path} needs the {header.count} points it announces, got {len(points)}")
-    return check_cloud(points, str(path))
+    cloud = check_cloud(points, str(path))
+    return cloud if header.format == "ascii" else check_extent(cloud, str(path))
 
 
 def _read_header(path: Path) -> Header:
@@ -83,7 +88,7 @@ def _parse_header(lines: list[list[str]], size: int, path: Path) -> Header:
     named = tuple((name, NUMBERS[number]) for number, name in properties)
     if not {"x", "y", "z"} <= dict(named).keys() or len(dict(named)) != len(named):
         raise ValueError(f"{path} needs vertices with one x, y and z, got {properties}")
-    return Header(formats[0], int(vertex[-1]), named, size)
+    return Header(formats[0], int(vertex[-1]), named, size, len(lines) + 1)
 
 
 def _read_binary(path: Path, header: Header) -> Float64[np.ndarray, "points channels"]:
@@ -94,13 +99,8 @@ def _read_binary(path: Path, header: Header) -> Float64[np.ndarray, "points chan
 
 
 def _read_text(path: Path, header: Header) -> Float64[np.ndarray, "points channels"]:
-    lines = path.read_bytes()[header.size :].decode("ascii", errors="replace").splitlines()
-    filled = [line for line in lines if line.strip()][: header.count]
+    content = without_comments(path.read_bytes()[header.size :])
+    lines = split_lines(content, path, first=header.num_lines + 1)[: header.count]
     names = [name for name, _ in header.properties]
-    if not filled:
-        return np.zeros((0, 3))
-    try:
-        columns = [names.index(name) for name in header.columns]
-        return np.loadtxt(filled, usecols=columns, ndmin=2)
-    except ValueError as error:
-        raise ValueError(f"{path} needs vertices as lines of numbers, got: {error}") from error
+    columns = [names.index(name) for name in header.columns]
+    return read_rows(lines, columns, path, f"vertices `{' '.join(names)}`")

@@ -13,6 +13,9 @@ RIGID_TOLERANCE = 5e-3
 Wide, because the field's own ground truth drifts: 5e-4 in 3DMatch's red kitchen.
 """
 
+FARTHEST_COORDINATE = 1e3
+"""No scan, fragment or unit sphere reaches as far; bytes of another type or order do at once."""
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -74,6 +77,25 @@ def check_cloud(points: Num[np.ndarray, "..."], where: str) -> Cloud | Oriented:
             f"are not, the first is point {int(broken.argmax())}"
         )
     return points.astype(np.float64)
+
+
+def check_extent(cloud: Float64[np.ndarray, "points channels"], where: str) -> Cloud | Oriented:
+    """Refuse a cloud whose bytes cannot be coordinates in metres or of the unit sphere.
+
+    Args:
+        cloud: Points that were stored as bytes, not as text.
+        where: The file, for the message.
+
+    Raises:
+        ValueError: A coordinate of ``FARTHEST_COORDINATE`` or more.
+    """
+    largest = float(np.abs(cloud[:, :3]).max())
+    if largest >= FARTHEST_COORDINATE:
+        raise ValueError(
+            f"{where} needs coordinates below {FARTHEST_COORDINATE:g}, got {largest:.3g}: its "
+            "numbers may be of another type or byte order"
+        )
+    return cloud
 
 
 def check_rigid(matrix: Num[np.ndarray, "..."], where: str) -> Float64[np.ndarray, "4 4"]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64
 
+from pcrdiff.data.number_rows import Line, read_lines, read_number
 from pcrdiff.data.ply import read_ply
 from pcrdiff.data.raw import RawItem, RecordedPair, check_rigid
 
@@ -82,7 +83,7 @@ def read_pairs(root: Path) -> list[RecordedPair]:
 def _read_log(root: Path, path: Path) -> list[RecordedPair]:
     if not path.is_file():
         raise FileNotFoundError(f"3DMatch needs the log {path}, which is missing")
-    rows = [line.split() for line in path.read_text().splitlines() if line.strip()]
+    rows = read_lines(path)
     if len(rows) % BLOCK_LINES != 0 or not rows:
         raise ValueError(
             f"{path} needs blocks of {BLOCK_LINES} lines, the last of its {len(rows)} lines is cut"
@@ -92,13 +93,13 @@ def _read_log(root: Path, path: Path) -> list[RecordedPair]:
     return [_read_block(block, root / scene, path) for block in blocks]
 
 
-def _read_block(block: Sequence[Sequence[str]], scene: Path, path: Path) -> RecordedPair:
-    where = f"{path}, block {' '.join(block[0])!r},"
-    try:
-        target, source, _ = (int(word) for word in block[0])
-        matrix: Float64[np.ndarray, "4 4"] = np.array(block[1:], dtype=np.float64)
-    except ValueError as error:
-        raise ValueError(f"{where} needs `i j n` and a 4x4 pose, got: {error}") from error
+def _read_block(block: Sequence[Line], scene: Path, path: Path) -> RecordedPair:
+    head = block[0].text.split()
+    where = f"{path}, block {' '.join(head)!r},"
+    if len(head) != 3 or not all(word.isascii() and word.isdecimal() for word in head):
+        raise ValueError(f"{where} line {block[0].number}, needs `i j n` of whole numbers")
+    target, source, _ = map(int, head)
+    matrix: Float64[np.ndarray, "4 4"] = np.array([_read_row(line, where) for line in block[1:]])
     for number in (source, target):
         fragment = scene / f"cloud_bin_{number}.ply"
         if not fragment.is_file():
@@ -109,3 +110,10 @@ def _read_block(block: Sequence[Sequence[str]], scene: Path, path: Path) -> Reco
         T_target_source=check_rigid(matrix, where),
         group=scene.name,
     )
+
+
+def _read_row(line: Line, block: str) -> list[float]:
+    where, words = f"{block} line {line.number},", line.text.split()
+    if len(words) != 4:
+        raise ValueError(f"{where} needs 4 numbers, a row of a 4x4 pose, got {len(words)}")
+    return [read_number(word, where, "a pose") for word in words]

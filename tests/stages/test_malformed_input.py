@@ -66,7 +66,7 @@ def write_scans(folder: Path, spoil: Callable[[Path], object] = lambda _: None) 
     velodyne.mkdir(parents=True)
     generator = np.random.default_rng(3)
     for number in range(3):
-        points = generator.uniform(-20, 20, (60, 4)).astype("<f4")
+        points = generator.uniform([-20, -20, -3, 0], [20, 20, 3, 1], (60, 4)).astype("<f4")
         (velodyne / f"{number:06d}.bin").write_bytes(points.tobytes())
     spoil(velodyne / "000000.bin")
 
@@ -77,6 +77,14 @@ def cut(path: Path) -> None:
 
 def put_nan(path: Path) -> None:
     path.write_bytes(struct.pack("<f", float("nan")) + path.read_bytes()[4:])
+
+
+def save_as_float64(path: Path) -> None:
+    path.write_bytes(np.fromfile(path, "<f4").astype("<f8").tobytes())
+
+
+def drop_reflectance(path: Path) -> None:
+    path.write_bytes(np.fromfile(path, "<f4").reshape(-1, 4)[:, :3].tobytes())
 
 
 def empty(path: Path) -> None:
@@ -92,6 +100,8 @@ def empty(path: Path) -> None:
         (cut, "needs 16 bytes per point"),
         (put_nan, "needs finite coordinates, 1 of its 60 points"),
         (empty, "needs points as [n, 3] with n > 0"),
+        (save_as_float64, "it looks like float64 x, y, z, reflectance"),
+        (drop_reflectance, "it looks like float32 x, y, z"),
     ],
 )
 def test_a_spoilt_scan(blank: Path, spoil: Callable[[Path], None], expected: str) -> None:
@@ -120,7 +130,11 @@ def test_an_old_pair_file_stays_when_a_new_one_cannot_be_made(project: Path) -> 
     [
         ("8 6 0\n0 0 0\n", "needs to begin with OFF"),
         ("OFF\n8 6 0\n0 0 0\n", "needs 8 vertices and 6 faces as its header says"),
-        ("OFF\n3 1 0\n0 0 0\n1 0 0\n0 nan 0\n3 0 1 2\n", "needs finite coordinates"),
+        (
+            "OFF\n3 1 0\n0 0 0\n1 0 0\n0 nan 0\n3 0 1 2\n",
+            "line 5, needs vertices `x y z` of finite numbers",
+        ),
+        ("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 1.#QNAN\n3 0 1 2\n", "line 5, needs vertices"),
         ("OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n", "needs a mesh with area"),
         ("", "needs to begin with OFF"),
     ],
@@ -236,11 +250,11 @@ def test_a_whole_log_is_read(tmp_path: Path) -> None:
     ("text", "expected"),
     [
         (BLOCK + BLOCK[: len(BLOCK) // 2], "needs blocks of 5 lines"),
-        (BLOCK.removesuffix("0 0 0 1\n") + "0 0\n", "needs `i j n` and a 4x4 pose"),
+        (BLOCK.removesuffix("0 0 0 1\n") + "0 0\n", "line 5, needs 4 numbers, a row of a 4x4 pose"),
         ("", "needs blocks of 5 lines"),
         (BLOCK.replace("1 0 0 0.5", "2 0 0 0.5"), "needs a rigid pose"),
         (BLOCK.replace("1 0 0 0.5", "-1 0 0 0.5"), "needs a rigid pose"),
-        (BLOCK.replace("0.5", "nan"), "needs a finite 4x4 pose"),
+        (BLOCK.replace("0.5", "nan"), "line 2, needs a pose of finite numbers"),
         (BLOCK.replace("0\t1\t2", "0\t7\t2"), "names fragment 7"),
     ],
 )

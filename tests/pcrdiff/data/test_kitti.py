@@ -8,6 +8,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from pcrdiff.data.kitti import read_items, read_pairs, read_scan
+from tests.pcrdiff.data.no_numbers import NO_NUMBERS
 
 T_CAMERA_LIDAR = np.array([[0, -1.0, 0, 0.1], [0, 0, -1, 0.2], [1, 0, 0, -0.3], [0, 0, 0, 1]])
 
@@ -137,6 +138,54 @@ def test_refuses_a_truncated_an_empty_and_a_broken_scan(tmp_path: Path) -> None:
         read_scan(tmp_path / "gone.bin")
 
 
+def make_scan(count: int = 48) -> np.ndarray:
+    generator = np.random.default_rng(5)
+    return generator.uniform([-60, -60, -3, 0], [60, 60, 3, 1], (count, 4)).astype("<f4")
+
+
+@pytest.mark.parametrize("reflectance", ["bytes", "rounded", "none"])
+def test_reads_whatever_way_the_reflectance_was_encoded(tmp_path: Path, reflectance: str) -> None:
+    scan, path = make_scan(), tmp_path / "000000.bin"
+    scan[:, 3] = {"bytes": scan[:, 3] * 255 // 1, "rounded": -0.004, "none": 0}[reflectance]
+    path.write_bytes(scan.tobytes())
+    np.testing.assert_array_equal(read_scan(path), scan[:, :3])
+
+
+def test_refuses_a_scan_in_another_layout_and_says_in_which(tmp_path: Path) -> None:
+    scan, path = make_scan(), tmp_path / "000000.bin"
+    quarters = (np.abs(scan) * 4).round() / 4  # as float64, every other four bytes are zero
+    with_ring = np.hstack([scan[:, :3], scan[:, 3:] * 255 // 1, scan[:, 3:] * 32 // 1])
+    for content, name in (
+        (scan.astype("<f8"), "float64 x, y, z, reflectance"),
+        (scan.round(1).astype("<f8"), "float64 x, y, z, reflectance"),
+        (quarters.astype("<f8"), "float64 x, y, z, reflectance"),
+        (scan[:, :3].astype("<f8"), "float64 x, y, z"),
+        (scan[:, :3], "float32 x, y, z"),
+        (scan[:47, :3], "float32 x, y, z"),
+        (scan.astype(">f4"), "big-endian float32 x, y, z, reflectance"),
+        (with_ring, "float32 x, y, z, intensity, ring"),
+    ):
+        path.write_bytes(content.tobytes())
+        with pytest.raises(ValueError, match=r"000000\.bin needs .*; it looks like") as refused:
+            read_scan(path)
+        assert str(refused.value).endswith(f"; it looks like {name}")
+
+
+def test_refuses_a_scan_that_is_implausible_whatever_its_layout(tmp_path: Path) -> None:
+    path = tmp_path / "000000.bin"
+    for row, column, value, message in (
+        (7, 1, -1000.0, r"coordinates below 1000, got 1e\+03"),
+        (7, 3, 1.5, r"reflectances in 0\.\.1"),
+        (7, 3, -1.0, r"reflectances in 0\.\.1"),
+        (slice(20, None), slice(None), 0.0, "its 48 lie at 21 places only"),
+    ):
+        scan = make_scan()
+        scan[row, column] = value
+        path.write_bytes(scan.tobytes())
+        with pytest.raises(ValueError, match=rf"000000\.bin needs .*{message}"):
+            read_scan(path)
+
+
 def test_refuses_to_pair_without_calibration_or_poses(tmp_path: Path) -> None:
     write_sequence(tmp_path)
     calib = tmp_path / "sequences" / "00" / "calib.txt"
@@ -171,6 +220,35 @@ def test_refuses_too_few_poses_and_broken_ones(tmp_path: Path) -> None:
         read_pairs(tmp_path)
     path.write_text("".join([*lines[:4], format_pose(2 * np.eye(4)) + "\n"]))
     with pytest.raises(ValueError, match=r"00\.txt, line 5, needs a rigid pose"):
+        read_pairs(tmp_path)
+
+
+@pytest.mark.parametrize("word", NO_NUMBERS)
+@pytest.mark.parametrize(
+    ("name", "line", "where"),
+    [
+        ("poses/00.txt", 3, r"00\.txt, line 4,"),
+        ("sequences/00/calib.txt", 1, r"calib\.txt, line 2,"),
+    ],
+)
+def test_refuses_a_pose_with_what_is_no_finite_number(
+    tmp_path: Path, name: str, line: int, where: str, word: str
+) -> None:
+    write_sequence(tmp_path)
+    lines = (tmp_path / name).read_text().splitlines()
+    lines[line] = lines[line].rpartition(" ")[0] + f" {word}"
+    (tmp_path / name).write_text("\n".join(lines))
+    with pytest.raises(ValueError, match=rf"{where} needs a pose of finite numbers") as refused:
+        read_pairs(tmp_path)
+    assert repr(word) in str(refused.value)
+
+
+def test_a_broken_pose_is_named_by_its_line_though_blank_ones_stand_before(tmp_path: Path) -> None:
+    write_sequence(tmp_path)
+    path = tmp_path / "poses" / "00.txt"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(["", "", *lines[:4], "1 2 3"]))
+    with pytest.raises(ValueError, match=r"00\.txt, line 7, needs 12 numbers"):
         read_pairs(tmp_path)
 
 

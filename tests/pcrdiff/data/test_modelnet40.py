@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 from pcrdiff.data import modelnet40
 from pcrdiff.data.modelnet40 import CATEGORIES, SYMMETRIC, read_items
 from pcrdiff.data.raw import Mesh, sample_oriented, sample_points
+from tests.pcrdiff.data.no_numbers import NO_NUMBERS
 
 TRIANGLE = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 0 1\n3 0 1 2\n"
 
@@ -211,6 +212,13 @@ def test_refuses_a_shape_with_nan_when_it_is_read(tmp_path: Path) -> None:
         items[1].read()
 
 
+def test_refuses_a_shape_whose_numbers_cannot_be_of_a_unit_sphere(tmp_path: Path) -> None:
+    data = write_hdf5_layout(tmp_path)
+    write_hdf5(tmp_path, "train", [0, 1], data.view(">f4").astype("<f4"))
+    with pytest.raises(ValueError, match=r"ply_data_train0\.h5, shape 0, needs .*coordinates"):
+        read_items(tmp_path)[0].read()
+
+
 def test_refuses_resampled_clouds_without_a_list_or_a_listed_file(tmp_path: Path) -> None:
     write_resampled(tmp_path)
     (tmp_path / "night_stand/night_stand_0002.txt").unlink()
@@ -225,13 +233,28 @@ def test_refuses_resampled_clouds_without_a_list_or_a_listed_file(tmp_path: Path
         read_items(tmp_path)
 
 
-@pytest.mark.parametrize("text", ["", "1,2\n", "1,2,3,0\n", "a,b,c\n", "1,2,nan,0,0,0\n"])
-@pytest.mark.filterwarnings("ignore:loadtxt")
+@pytest.mark.parametrize("text", ["", "1,2\n", "1,2,3,0\n", "a,b,c\n", "1,2,3\n1,2\n", "1,2,3,\n"])
 def test_refuses_a_broken_resampled_cloud(tmp_path: Path, text: str) -> None:
     write_resampled(tmp_path)
     (tmp_path / "chair/chair_0001.txt").write_text(text)
-    with pytest.raises(ValueError, match=r"chair_0001\.txt needs"):
+    with pytest.raises(ValueError, match=r"chair_0001\.txt.* needs"):
         read_items(tmp_path)[0].read()
+
+
+@pytest.mark.parametrize("word", [*NO_NUMBERS, "1 2", ""])
+@pytest.mark.parametrize("column", [0, 2, 5])
+def test_refuses_a_resampled_cloud_with_what_is_no_finite_number(
+    tmp_path: Path, word: str, column: int
+) -> None:
+    write_resampled(tmp_path)
+    row = ["1", "2", "3", "0", "1", "0"]
+    row[column] = word
+    (tmp_path / "chair/chair_0001.txt").write_text(
+        f"# made by hand\n1,2,3,0,1,0\n{','.join(row)}\n"
+    )
+    with pytest.raises(ValueError, match=r"chair_0001\.txt, line 3, .* finite numbers") as refused:
+        read_items(tmp_path)[0].read()
+    assert repr(word) in str(refused.value)
 
 
 @pytest.mark.real

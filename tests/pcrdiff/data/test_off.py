@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pcrdiff.data.off import read_off
+from tests.pcrdiff.data.no_numbers import NO_NUMBERS
 
 SQUARE = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
 
@@ -51,16 +52,37 @@ def test_cuts_a_polygon_into_a_fan(tmp_path: Path) -> None:
         (f"OFF\n4 3 0\n{SQUARE}3 0 1 2\n", "needs 4 vertices and 3 faces .* ends after 5 lines"),
         (f"OFF\n4 1 0\n{SQUARE}3 0 1 4\n", r"needs faces of vertices 0\.\.3, got 0\.\.4"),
         (f"OFF\n4 1 0\n{SQUARE}3 0 1 -1\n", r"needs faces of vertices 0\.\.3"),
-        (f"OFF\n4 1 0\n{SQUARE}2 0 1\n", "needs faces as"),
-        (f"OFF\n4 1 0\n{SQUARE}4 0 1 2\n", "needs faces as"),
-        (f"OFF\n4 1 0\n{SQUARE}3 0 1 x\n", "needs faces as"),
-        (f"OFF\n4 1 0\n{SQUARE.replace('1 1 0', '1 nan 0')}3 0 1 2\n", "needs finite coordinates"),
-        (f"OFF\n4 1 0\n{SQUARE.replace('1 1 0', '1 1')}3 0 1 2\n", "needs vertices as"),
+        (f"OFF\n4 1 0\n{SQUARE}2 0 1\n", "line 7, needs faces `n i j k"),
+        (f"OFF\n4 1 0\n{SQUARE}4 0 1 2\n", "line 7, needs faces `n i j k"),
+        (f"OFF\n4 1 0\n{SQUARE}3 0 1 x\n", "line 7, needs faces `n i j k"),
+        (f"OFF\n4 1 0\n{SQUARE}3 0 1 1.5\n", "line 7, needs faces .* whole numbers"),
+        (f"OFF\n4 1 0\n{SQUARE}3 0 1 {10**20}\n", "line 7, needs faces .* whole numbers"),
+        (f"OFF\n4 1 0\n{SQUARE}3 0 1 2#\n", "line 7, needs faces .* whole numbers"),
+        (f"OFF\n4 1 0\n{SQUARE.replace('1 1 0', '1 1')}3 0 1 2\n", "line 5, needs vertices"),
     ],
 )
 def test_refuses_a_broken_mesh_and_names_the_file(tmp_path: Path, text: str, message: str) -> None:
-    with pytest.raises(ValueError, match=rf"shape_0001\.off {message}"):
+    with pytest.raises(ValueError, match=rf"shape_0001\.off,? {message}"):
         read_off(write(tmp_path, text))
+
+
+@pytest.mark.parametrize("word", NO_NUMBERS)
+@pytest.mark.parametrize("comment", ["", "# by hand\n"])
+def test_refuses_a_vertex_of_what_is_no_finite_number(
+    tmp_path: Path, word: str, comment: str
+) -> None:
+    text = f"OFF\n4 1 0\n{comment}{SQUARE.replace('1 1 0', f'1 1 {word}')}3 0 1 2\n"
+    where = rf"shape_0001\.off, line {6 if comment else 5}, needs vertices .* finite numbers"
+    with pytest.raises(ValueError, match=where) as refused:
+        read_off(write(tmp_path, text))
+    assert repr(word) in str(refused.value)
+
+
+def test_a_comment_begins_a_line_or_stands_after_a_blank(tmp_path: Path) -> None:
+    text = "#a\nOFF\t#b\n4 1 0 #c\n  # d # e\n0 0 0 # 7\n1 0 0\t#\n1 1 0 #1#\n0 1 0\n3 0 1 2 # f\n"
+    mesh = read_off(write(tmp_path, text))
+    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    assert mesh.faces.tolist() == [[0, 1, 2]]
 
 
 def test_refuses_a_mesh_that_is_missing(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from pcrdiff.data.native import open3d
 from pcrdiff.data.ply import read_ply
+from tests.pcrdiff.data.no_numbers import NO_NUMBERS
 
 XYZ = "property float x\nproperty float y\nproperty float z\n"
 
@@ -71,16 +72,45 @@ def test_refuses_a_cut_file_that_open3d_fills_with_zeros(tmp_path: Path) -> None
         ("format ascii 1.0\nelement vertex 1\nproperty float x\n", b"1\n", "one x, y and z"),
         (f"format ascii 1.0\nelement vertex 1\n{XYZ}{XYZ}", b"1 1 1 1 1 1\n", "one x, y and z"),
         ("format ascii 1.0\nelement vertex 1\nproperty list int int x\n", b"", "plain numbers"),
-        (f"format ascii 1.0\nelement vertex 1\n{XYZ}", b"1 1 one\n", "lines of numbers"),
-        (f"format ascii 1.0\nelement vertex 1\n{XYZ}", b"1 1 nan\n", "needs finite coordinates"),
+        (
+            f"format ascii 1.0\nelement vertex 1\n{XYZ}",
+            b"1 1 one\n",
+            "line 8, needs .* finite numbers",
+        ),
+        (f"format ascii 1.0\nelement vertex 1\n{XYZ}", b"1 1\n", "line 8, needs vertices `x y z`"),
         (f"format ascii 1.0\nelement vertex 0\n{XYZ}", b"", r"needs points as \[n, 3\]"),
     ],
 )
 def test_refuses_a_broken_file_and_names_it(
     tmp_path: Path, header: str, content: bytes, message: str
 ) -> None:
-    with pytest.raises(ValueError, match=rf"cloud_bin_0\.ply .*{message}"):
+    with pytest.raises(ValueError, match=rf"cloud_bin_0\.ply.* {message}"):
         read_ply(write(tmp_path, header, content))
+
+
+@pytest.mark.parametrize("word", NO_NUMBERS)
+def test_refuses_a_text_with_what_is_no_finite_number(tmp_path: Path, word: str) -> None:
+    header = f"format ascii 1.0\ncomment by hand\nelement vertex 2\n{XYZ}"
+    path = write(tmp_path, header, f"1 1 1\n\n1 1 {word}\n".encode())
+    where = r"cloud_bin_0\.ply, line 11, needs vertices `x y z` of finite numbers"
+    with pytest.raises(ValueError, match=where) as refused:
+        read_ply(path)
+    assert repr(word) in str(refused.value)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_refuses_a_coordinate_that_is_not_finite_in_bytes(tmp_path: Path, value: float) -> None:
+    points = np.array([[1, 1, 1], [1, value, 1]], "<f4").tobytes()
+    path = write(tmp_path, f"format binary_little_endian 1.0\nelement vertex 2\n{XYZ}", points)
+    with pytest.raises(ValueError, match=r"cloud_bin_0\.ply needs finite coordinates"):
+        read_ply(path)
+
+
+def test_refuses_bytes_in_another_order_than_announced(tmp_path: Path) -> None:
+    points = np.random.default_rng(0).random((50, 3)).astype(">f4").tobytes()
+    path = write(tmp_path, f"format binary_little_endian 1.0\nelement vertex 50\n{XYZ}", points)
+    with pytest.raises(ValueError, match=r"cloud_bin_0\.ply needs (finite )?coordinates"):
+        read_ply(path)
 
 
 def test_refuses_what_is_no_ply_at_all(tmp_path: Path) -> None:

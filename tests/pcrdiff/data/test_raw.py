@@ -6,7 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pcrdiff.data.raw import Mesh, check_cloud, check_rigid, sample_oriented, sample_points
+from pcrdiff.data.raw import (
+    Mesh,
+    check_cloud,
+    check_extent,
+    check_rigid,
+    sample_oriented,
+    sample_points,
+)
 
 
 def make_pose(angle_deg: float = 40.0) -> np.ndarray:
@@ -40,6 +47,15 @@ def test_refuses_a_coordinate_that_is_not_finite_and_says_where(value: float) ->
     points[3, 1] = value
     with pytest.raises(ValueError, match=r"a\.ply .* 1 of its 5 points .* point 3"):
         check_cloud(points, "a.ply")
+
+
+def test_bytes_of_a_cloud_reach_no_kilometre_but_normals_are_not_looked_at() -> None:
+    points = np.full((4, 6), 999.0)
+    points[:, 3:] = 1e20
+    assert check_extent(points, "a.ply") is points
+    points[2, 1] = -1000
+    with pytest.raises(ValueError, match=r"a\.ply needs coordinates below 1000, got 1e\+03"):
+        check_extent(points, "a.ply")
 
 
 def test_keeps_an_exact_pose() -> None:

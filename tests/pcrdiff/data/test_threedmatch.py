@@ -8,6 +8,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from pcrdiff.data.threedmatch import read_items, read_pairs
+from tests.pcrdiff.data.no_numbers import NO_NUMBERS
 
 SCENE = "7-scenes-redkitchen"
 
@@ -107,13 +108,13 @@ def test_refuses_a_log_cut_anywhere_but_between_blocks(scenes: Path) -> None:
         with pytest.raises(ValueError, match=r"gt\.log needs blocks of 5 lines"):
             read_pairs(scenes)
     path.write_text("".join(lines[:8]) + "0.5 0.5\n" + lines[9])
-    with pytest.raises(ValueError, match=r"gt\.log, block '1 10 11', needs"):
+    with pytest.raises(ValueError, match=r"gt\.log, block '1 10 11', line 9, needs 4 numbers"):
         read_pairs(scenes)
 
 
 def test_refuses_a_header_that_is_none_and_a_fragment_without_a_file(scenes: Path) -> None:
     write_log(scenes, ("0 one 11", make_pose(1)))
-    with pytest.raises(ValueError, match="block '0 one 11', needs `i j n`"):
+    with pytest.raises(ValueError, match="block '0 one 11', line 1, needs `i j n`"):
         read_pairs(scenes)
     write_log(scenes, ("0 7 11", make_pose(1)))
     with pytest.raises(FileNotFoundError, match=r"fragment 7, but .*cloud_bin_7\.ply is missing"):
@@ -124,6 +125,17 @@ def test_refuses_a_pose_that_is_not_rigid(scenes: Path) -> None:
     write_log(scenes, ("0 1 11", make_pose(1) @ np.diag([1.1, 1.1, 1.1, 1])))
     with pytest.raises(ValueError, match="block '0 1 11', needs a rigid pose"):
         read_pairs(scenes)
+
+
+@pytest.mark.parametrize("word", NO_NUMBERS)
+def test_refuses_a_pose_with_what_is_no_finite_number(scenes: Path, word: str) -> None:
+    path = scenes / f"{SCENE}-evaluation" / "gt.log"
+    lines = path.read_text().splitlines()
+    row = [*lines[7].split()[:3], word]
+    path.write_text("\n".join([*lines[:7], "\t".join(row), *lines[8:]]))
+    with pytest.raises(ValueError, match=r"gt\.log, block '1 10 11', line 8, .*finite") as refused:
+        read_pairs(scenes)
+    assert repr(word) in str(refused.value)
 
 
 @pytest.mark.real
