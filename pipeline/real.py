@@ -3,7 +3,10 @@
 import os
 import subprocess
 import sys
+from io import BytesIO
 from pathlib import Path
+
+from ruamel.yaml import YAML
 
 from pipeline.artifacts import write_atomically
 
@@ -24,14 +27,15 @@ def run_real(root: Path) -> list[Path]:
 
     Raises:
         FileNotFoundError: There is no real data.
-        ValueError: A stage failed; its own sentence stands above.
+        ValueError: Its path cannot be written into YAML, or a stage failed; that one's own sentence
+            stands above.
     """
-    profile = (root / "profiles" / f"{NAME}.yaml").read_text().replace(DEFAULT, _folder(root))
+    profile = _profile_on(_folder(root), root / "profiles" / f"{NAME}.yaml")
     params = root / "params.yaml"
     before = params.read_bytes()
     _dvc(root, "exp", "remove", "--quiet", NAME, check=False)
     try:
-        write_atomically(params, profile.encode())
+        write_atomically(params, profile)
         _dvc(root, "exp", "run", "--temp", "--name", NAME)
     finally:
         write_atomically(params, before)
@@ -43,7 +47,21 @@ def _folder(root: Path) -> str:
     if not Path(root, told or DEFAULT).is_dir():
         where = f"{VARIABLE}={told}" if told else f"{VARIABLE} or {DEFAULT}"
         raise FileNotFoundError(f"real data is needed at {where}, there is no such folder")
+    if not (told or DEFAULT).isprintable():  # YAML has no such characters, or not on one line
+        raise ValueError(f"{VARIABLE} needs the path in printable characters, got {told!a}")
     return told or DEFAULT
+
+
+def _profile_on(folder: str, path: Path) -> bytes:
+    """Return the profile with its roots below another folder, comments included."""
+    yaml = YAML()
+    params = yaml.load(path.read_text(encoding="utf-8"))
+    for acquire in params["acquire"].values():
+        if (acquire["root"] or "").startswith(DEFAULT):
+            acquire["root"] = folder + acquire["root"].removeprefix(DEFAULT)
+    written = BytesIO()
+    yaml.dump(params, written)
+    return written.getvalue()
 
 
 def _fetch(root: Path) -> list[Path]:
