@@ -5,14 +5,17 @@ import json
 import os
 import shutil
 import socket
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from pipeline.doctor import check_mlflow
 from pipeline.invocation import VARIABLE, process_identity
 from pipeline.mlflow_sync import Store, open_store, sync, sync_after_report
 from pipeline.records import Record, shipped_records, waiting_records
@@ -478,3 +481,47 @@ def test_a_store_that_does_not_last_gets_nothing_and_the_journals_stay(
     assert len(waiting_records(project)) == 1
     monkeypatch.delenv("MLFLOW_TRACKING_URI")
     assert sync(project).shipped == 1
+
+
+ODD_FOLDERS = ["a%2Fb", "a%20b", "a?b#c", "100%", " grün ☃ ", "a;b&c=d+e", 'it\'s "x"', "me:x@[y]"]
+
+
+@pytest.mark.parametrize("name", ODD_FOLDERS)
+def test_runs_and_artifacts_are_found_again_whatever_the_folder_is_called(
+    tmp_path: Path, empty_store: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    root = tmp_path / name / "project"
+    root.mkdir(parents=True)
+    shutil.copyfile(empty_store, root / "mlflow.db")
+    check_odd_folder(tmp_path, root, monkeypatch)
+
+
+@pytest.mark.slow
+def test_a_store_is_made_where_it_belongs_whatever_the_folder_is_called(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tmp_path / "a%2Fb %20?#ü" / "project"
+    root.mkdir(parents=True)
+    check_odd_folder(tmp_path, root, monkeypatch)
+
+
+def check_odd_folder(tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Send one journal and read it back from the files where they must lie."""
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    monkeypatch.setenv("DVC_ROOT", str(root))
+    monkeypatch.setenv(VARIABLE, "boot-1-1")
+    monkeypatch.chdir(root)
+    run_stage(monkeypatch, "train@toy")
+    assert sync(root).problems == ()
+    with closing(sqlite3.connect(root / "mlflow.db")) as database:
+        assert database.execute("SELECT count(*) FROM runs").fetchone() == (2,)
+    (picture,) = (root / "mlruns").rglob("curve.png")
+    assert picture.read_bytes() == b"picture"
+    (run,) = runs(root, "stage")
+    client, _ = open_store(root)
+    (tmp_path / "copy").mkdir()
+    path = client.download_artifacts(run.info.run_id, "plots/curve.png", str(tmp_path / "copy"))
+    assert Path(path).read_bytes() == b"picture"
+    beside = {path.name for path in root.parents[1].iterdir()}
+    assert beside == {root.parent.name, "copy"}, "something was written beside the project"
+    assert [finding.level for finding in check_mlflow(root)] == ["ok"]
