@@ -3,6 +3,7 @@
 import json
 import logging
 import os
+import posixpath
 import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +21,7 @@ from pipeline.mlflow_store import (
     tracking_uri,
     wanted_store,
 )
-from pipeline.records import Record, shipped_records, waiting_records
+from pipeline.records import Record, shipped_records, unreadable_journals, waiting_records
 from pipeline.restored import note_restored
 from pipeline.tracking import ARTIFACTS, journals_folder
 
@@ -35,6 +36,8 @@ LOCK_SECONDS = 120.0
 BATCH = 1000  # metrics MLflow takes in one request
 PARAMS_BATCH = 100  # params or tags MLflow takes in one request
 LONGEST_VALUE = 5000  # characters of a param or tag MLflow stores everywhere
+LONGEST_DATASET = 500  # characters of the name of a data set
+FILTERABLE = re.compile(r"[\w.:@/+ -]*")  # what stands between quotes in every filter as it is
 DEFAULTS = {  # MLflow's own would retry a dead server for minutes
     "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1",
     "MLFLOW_HTTP_REQUEST_TIMEOUT": "10",
@@ -90,7 +93,7 @@ def sync(
                 problems.append(f"the restored stages were not added: {_first_line(error)}")
             report = _ship(root, finished.key if finished else "")
     except Exception as error:  # noqa: BLE001  tracking never makes a stage fail
-        waiting = len(waiting_records(root))
+        waiting = len(waiting_records(root)) + len(unreadable_journals(root))
         kept = f"{waiting} journals are kept for `pcrdiff mlflow sync`"
         store = public(wanted_store())
         problems.append(f"MLflow at {store} did not answer: {_first_line(error)}; {kept}")
@@ -165,23 +168,22 @@ def _ship(root: Path, finished: str) -> SyncReport:
     ready = [record for record in waiting if record.status != "RUNNING"]
     client, experiment = open_store(root)
     store = Store(client, experiment)
-    sent, problems = [], []
+    sent, problems = [], unreadable_journals(root)
+    left = len(waiting) + len(problems)
     for record in ready:
         try:
             store.send(record)
+            _retire(record, root)
         except Exception as error:  # noqa: BLE001  one bad journal does not hold up the others
             problems.append(f"journal {record.id} was not sent: {_first_line(error)}")
             client.get_experiment(experiment)  # raises, and so stops, if the store is gone
-            continue
-        _retire(record, root)
-        sent.append(record)
+        else:
+            sent.append(record)
     running = {record.pipeline.key for record in waiting if record.status == "RUNNING"}
     store.close_pipelines({record.pipeline.key for record in sent}, running, finished)
     restored = sum(record.restored for record in sent)
-    left = len(waiting) - len(sent)
-    return SyncReport(
-        public(tracking_uri(root)), len(sent) - restored, restored, left, tuple(problems)
-    )
+    ran, name = len(sent) - restored, public(tracking_uri(root))
+    return SyncReport(name, ran, restored, left - len(sent), tuple(problems))
 
 
 def _retire(record: Record, root: Path) -> None:
@@ -276,15 +278,20 @@ class Store:
             self.client.log_batch(run_id, metrics=several)
 
     def _runs(self, **tags: str) -> "list[Run]":
-        """Return the runs that carry all these tags, oldest first."""
-        where = " and ".join(f"tags.`{name}` = '{value}'" for name, value in tags.items())
+        """Return the runs that carry all these tags, oldest first.
+
+        MLflow's filters know no escape for quotes and backslashes, and some databases compare
+        without case: the filter narrows the search as far as it can, and the tags decide.
+        """
+        plain = {name: value for name, value in tags.items() if FILTERABLE.fullmatch(value)}
+        where = " and ".join(f"tags.`{name}` = '{value}'" for name, value in plain.items())
         runs: list[Run] = []
         token: str | None = ""
         while token is not None:
             page = self.client.search_runs(
                 [self.experiment], where, order_by=["start_time ASC"], page_token=token or None
             )
-            runs += page
+            runs += [run for run in page if tags.items() <= run.data.tags.items()]
             token = page.token or None
         return runs
 
@@ -331,13 +338,15 @@ def _dataset(path: str, md5: str) -> "DatasetInput":
     from mlflow.entities import Dataset, DatasetInput, InputTag
 
     source = json.dumps({"uri": path})
-    data = Dataset(name=path, digest=md5, source_type="local", source=source)
+    data = Dataset(name=path[:LONGEST_DATASET], digest=md5, source_type="local", source=source)
     return DatasetInput(data, [InputTag("mlflow.data.context", "input")])
 
 
 def _key(name: str) -> str:
-    """Return a name MLflow accepts: letters, digits, ``_-./: `` and at most 250 of them."""
-    return re.sub(r"[^\w\-./: ]", "_", name)[:250]
+    """Return a name MLflow accepts: letters, digits, ``_-./: ``, at most 250, and no ``a//../b``."""
+    key = re.sub(r"[^\w\-./: ]", "_", name)[:250]
+    is_path = key == posixpath.normpath(key) and not key.startswith(("..", "/")) and key != "."
+    return key if is_path else re.sub(r"^\.+|/", "_", key) or "_"
 
 
 def _batches(items: Sequence[T], size: int) -> Iterator[Sequence[T]]:

@@ -61,16 +61,53 @@ def shipped_records(root: Path) -> list[Record]:
     return _records(journals_folder(root) / "done")
 
 
+def unreadable_journals(root: Path) -> list[str]:
+    """Say of each waiting journal that cannot be read why; it stays, and holds up no other."""
+    found = [_attempt(folder) for folder in _folders(journals_folder(root))]
+    return [answer for answer in found if isinstance(answer, str)]
+
+
 def _records(parent: Path) -> list[Record]:
-    found = [read_record(path.parent) for path in sorted(parent.glob(f"*/{EVENTS}"))]
-    return sorted((record for record in found if record), key=lambda r: (r.start, r.id))
+    found = [_attempt(folder) for folder in _folders(parent)]
+    records = [answer for answer in found if isinstance(answer, Record)]
+    return sorted(records, key=lambda record: (record.start, record.id))
+
+
+def _folders(parent: Path) -> list[Path]:
+    """List the folders of journals; ``done`` holds others and is none."""
+    inside = sorted(parent.iterdir()) if parent.is_dir() else []
+    return [path for path in inside if path.is_dir() and path.name != "done"]
+
+
+def _attempt(folder: Path) -> Record | str | None:
+    """Read one journal, or say why it cannot be read."""
+    try:
+        return read_record(folder)
+    except (OSError, ValueError) as error:
+        return f"journal {folder.name} cannot be read: {error}"
 
 
 def read_record(folder: Path) -> Record | None:
-    """Read one journal; None if not even its first line was written whole."""
-    events = list(_events(folder / EVENTS))
+    """Read one journal; None if not even its first line was written whole.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: Its lines do not say what the journals of this version say.
+    """
+    try:
+        events = list(_events(folder / EVENTS))
+    except FileNotFoundError:
+        return None  # its writer has only just made the folder
     if not events or events[0].get("event") != "start":
         return None
+    try:
+        return _record(folder, events)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"an entry is missing or of another kind: {error}") from error
+
+
+def _record(folder: Path, events: list[dict[str, Any]]) -> Record:
+    """Put the events of a journal together."""
     first = events[0]
     end = next((event for event in reversed(events) if event["event"] == "end"), None)
     status = end["status"] if end else "RUNNING" if _is_held(folder / LOCK) else "KILLED"
@@ -84,8 +121,8 @@ def read_record(folder: Path) -> Record | None:
         outputs=_merged(event["outputs"] for event in events if event["event"] == "outputs"),
         points=tuple(point for event in events for point in _points(event)),
         artifacts=tuple(event["path"] for event in events if event["event"] == "artifact"),
-        start=first["time"],
-        end=(end or events[-1])["time"],
+        start=int(first["time"]),
+        end=int((end or events[-1])["time"]),
         status=status,
         error=end["error"] if end else "",
         processor=first.get("processor", ""),

@@ -5,14 +5,17 @@ import json
 import os
 import shutil
 import socket
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from pipeline.doctor import check_mlflow
 from pipeline.invocation import VARIABLE, process_identity
 from pipeline.mlflow_sync import Store, open_store, sync, sync_after_report
 from pipeline.records import Record, shipped_records, waiting_records
@@ -351,6 +354,66 @@ def test_a_bad_journal_does_not_hold_up_the_others(
     assert [record.stage for record in shipped_records(project)] == ["train@good"]
 
 
+@pytest.mark.parametrize(
+    "name", ["don't", 'say"so', "a'b\"c`d", "100%", "it''s;--", "it's\\", "grün'☃", "plain"]
+)
+def test_an_experiment_arrives_whatever_its_name(
+    project: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setenv("DVC_EXP_NAME", "plain-other")
+    run_stage(monkeypatch, "train@other")
+    monkeypatch.setenv("DVC_EXP_NAME", name)
+    run_stage(monkeypatch, "preprocess@toy")
+    assert sync(project).problems == ()
+    run_stage(monkeypatch, "train@toy")
+    report = sync(project)
+    assert (report.shipped, report.waiting, report.problems) == (1, 0, ())
+    parents = [run for run in runs(project, "pipeline") if run.data.tags["dvc.exp"] == name]
+    assert len(parents) == 1, "the second stage did not find the run of the first"
+    assert parents[0].info.status == "FINISHED"
+    above = {stage: run.data.tags["mlflow.parentRunId"] for stage, run in by_stage(project).items()}
+    mine = parents[0].info.run_id
+    assert above["preprocess@toy"] == above["train@toy"] == mine != above["train@other"]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '{"event": "start"}',
+        '{"event": "start", "time": "yesterday", "stage": "train@toy"}',
+        '{"event": "start", "time": 1, "stage": "a", "workspace": "/", "params": {}, "inputs": {},'
+        ' "pipeline": {"colour": "red"}}',
+    ],
+)
+def test_a_journal_that_cannot_be_read_stays_and_is_named_and_the_others_arrive(
+    project: Path, monkeypatch: pytest.MonkeyPatch, line: str
+) -> None:
+    unreadable = journals_folder(project) / "20260101T000000-unreadable"
+    unreadable.mkdir(parents=True)
+    (unreadable / "journal.jsonl").write_text(line + "\n")
+    run_stage(monkeypatch, "train@toy")
+    report = sync(project)
+    assert (report.shipped, report.waiting) == (1, 1)
+    assert unreadable.name in report.problems[0]
+    assert unreadable.is_dir()
+
+
+def test_a_journal_that_cannot_be_put_away_does_not_hold_up_the_others(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stuck = run_stage(monkeypatch, "train@stuck")
+    run_stage(monkeypatch, "train@toy")
+    in_the_way = journals_folder(project) / "done" / stuck.id
+    in_the_way.mkdir(parents=True)
+    (in_the_way / "file").touch()
+    report = sync(project)
+    assert (report.shipped, report.waiting) == (1, 1)
+    assert stuck.id in report.problems[0]
+    shutil.rmtree(in_the_way)
+    assert sync(project).waiting == 0
+    assert set(by_stage(project)) == {"train@stuck", "train@toy"}
+
+
 def test_names_mlflow_refuses_and_long_curves_arrive(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -359,6 +422,7 @@ def test_names_mlflow_refuses_and_long_curves_arrive(
     with journal(params=params) as notes:
         notes.metric("recall@5 (%)", 1.0)
         notes.metric("nan", float("nan"))
+        notes.metrics({"a//b": 1.0, "../c": 2.0, "..": 2.0, "/d": 3.0, "": 4.0})
         for step in range(1500):
             notes.metric("loss", step, step)
     assert sync(project).problems == ()
@@ -366,6 +430,7 @@ def test_names_mlflow_refuses_and_long_curves_arrive(
     (run,) = runs(project, "stage")
     assert len(run.data.params) == 150
     assert run.data.metrics["recall_5 ___"] == 1.0
+    assert {"a__b", "__c", "_d", "_"} <= set(run.data.metrics)
     token_free = client.get_metric_history(run.info.run_id, "loss")
     assert len(token_free) == 1500
 
@@ -416,3 +481,47 @@ def test_a_store_that_does_not_last_gets_nothing_and_the_journals_stay(
     assert len(waiting_records(project)) == 1
     monkeypatch.delenv("MLFLOW_TRACKING_URI")
     assert sync(project).shipped == 1
+
+
+ODD_FOLDERS = ["a%2Fb", "a%20b", "a?b#c", "100%", " grün ☃ ", "a;b&c=d+e", 'it\'s "x"', "me:x@[y]"]
+
+
+@pytest.mark.parametrize("name", ODD_FOLDERS)
+def test_runs_and_artifacts_are_found_again_whatever_the_folder_is_called(
+    tmp_path: Path, empty_store: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    root = tmp_path / name / "project"
+    root.mkdir(parents=True)
+    shutil.copyfile(empty_store, root / "mlflow.db")
+    check_odd_folder(tmp_path, root, monkeypatch)
+
+
+@pytest.mark.slow
+def test_a_store_is_made_where_it_belongs_whatever_the_folder_is_called(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tmp_path / "a%2Fb %20?#ü" / "project"
+    root.mkdir(parents=True)
+    check_odd_folder(tmp_path, root, monkeypatch)
+
+
+def check_odd_folder(tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Send one journal and read it back from the files where they must lie."""
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    monkeypatch.setenv("DVC_ROOT", str(root))
+    monkeypatch.setenv(VARIABLE, "boot-1-1")
+    monkeypatch.chdir(root)
+    run_stage(monkeypatch, "train@toy")
+    assert sync(root).problems == ()
+    with closing(sqlite3.connect(root / "mlflow.db")) as database:
+        assert database.execute("SELECT count(*) FROM runs").fetchone() == (2,)
+    (picture,) = (root / "mlruns").rglob("curve.png")
+    assert picture.read_bytes() == b"picture"
+    (run,) = runs(root, "stage")
+    client, _ = open_store(root)
+    (tmp_path / "copy").mkdir()
+    path = client.download_artifacts(run.info.run_id, "plots/curve.png", str(tmp_path / "copy"))
+    assert Path(path).read_bytes() == b"picture"
+    beside = {path.name for path in root.parents[1].iterdir()}
+    assert beside == {root.parent.name, "copy"}, "something was written beside the project"
+    assert [finding.level for finding in check_mlflow(root)] == ["ok"]
