@@ -10,10 +10,12 @@ from torch import Tensor
 
 from pcrdiff.data.native import open3d
 from pcrdiff.geometry.rigid import from_parts
+from pcrdiff.geometry.span import TOLERANCE, spans_plane
 
 registration = open3d.pipelines.registration
 
 Pose = Float64[np.ndarray, "4 4"]
+Points = Float[np.ndarray, "n 3"]
 
 
 def cloud(points: Float[Tensor, "n 3"]) -> "open3d.geometry.PointCloud":
@@ -46,7 +48,59 @@ def centred(points: Float[Tensor, "n 3"]) -> tuple[Float64[Tensor, "n 3"], Float
     return points.double() - mean, from_parts(torch.eye(3).to(mean), mean)
 
 
+def check_support(who: str, source: Points, target: Points, wanted: str) -> None:
+    """Refuse matches that fix no pose, so that what was fitted to them is no answer.
+
+    Args:
+        who: The method.
+        source: The matched points of the one cloud.
+        target: Their matches, row by row.
+        wanted: What makes a match, for the sentence.
+
+    Raises:
+        ValueError: In one of the clouds they are fewer than three distinct points, or on a line.
+    """
+    if spans_plane(source) and spans_plane(target):
+        return
+    distinct = min(len(np.unique(points, axis=0)) for points in (source, target))
+    if distinct < 3:
+        raise ValueError(f"{who} needs 3 matches {wanted}, got {distinct}")
+    raise ValueError(f"{who} needs 3 matches {wanted} on no line, got {len(source)} on one")
+
+
+def check_matches(
+    who: str,
+    source: "open3d.geometry.PointCloud",
+    target: "open3d.geometry.PointCloud",
+    result: "open3d.pipelines.registration.RegistrationResult",
+    max_distance: float,
+) -> Pose:
+    """The pose of Open3D's answer, unless its matches are such as :func:`check_support` refuses.
+
+    Raises:
+        ValueError: They are, or the pose is not rigid.
+    """
+    matches = np.asarray(result.correspondence_set).reshape(-1, 2)
+    p, q = np.asarray(source.points)[matches[:, 0]], np.asarray(target.points)[matches[:, 1]]
+    check_support(who, p, q, f"within {max_distance}")
+    return check_pose(who, np.array(result.transformation))
+
+
+def check_pose(who: str, pose: Pose) -> Pose:
+    """The pose, if it is one.
+
+    Raises:
+        ValueError: It is not finite, or not rigid.
+    """
+    R = pose[:3, :3]
+    rigid = np.abs(R @ R.T - np.eye(3)).max() <= TOLERANCE and np.linalg.det(R) > 0
+    if not (rigid and np.isfinite(pose).all() and (pose[3] == np.eye(4)[3]).all()):
+        raise ValueError(f"{who} needs a rigid pose from its library, got {pose.tolist()}")
+    return pose
+
+
 def icp(
+    who: str,
     source: "open3d.geometry.PointCloud",
     target: "open3d.geometry.PointCloud",
     T_start: Pose,
@@ -59,7 +113,8 @@ def icp(
     changes fitness and RMSE by less than Open3D's 1e-6.
 
     Raises:
-        ValueError: No two points are within ``max_distance``; Open3D would answer ``T_start``.
+        ValueError: No two points are within ``max_distance``, where Open3D would answer
+            ``T_start``, or those that are fix no pose.
     """
     result = registration.registration_icp(
         source,
@@ -70,8 +125,8 @@ def icp(
         registration.ICPConvergenceCriteria(max_iteration=max_iterations),
     )
     if len(result.correspondence_set) == 0:
-        raise ValueError(f"icp needs points within {max_distance} of each other, got none")
-    return np.array(result.transformation)
+        raise ValueError(f"{who} needs points within {max_distance} of each other, got none")
+    return check_matches(who, source, target, result, max_distance)
 
 
 def fpfh(
@@ -93,6 +148,7 @@ def fpfh(
 
 
 def ransac_fpfh(
+    who: str,
     source: Float[Tensor, "n 3"],
     target: Float[Tensor, "m 3"],
     max_distance: float,
@@ -107,6 +163,7 @@ def ransac_fpfh(
     other once moved; up to 100,000 trials, fewer once the best pose is at 0.999 the right one.
 
     Args:
+        who: The method that asks.
         source: The cloud that moves.
         target: The cloud that stays.
         max_distance: Of a match that supports a pose, in the clouds' unit.
@@ -114,7 +171,8 @@ def ransac_fpfh(
         generator: What Open3D's own generator is seeded from.
 
     Raises:
-        ValueError: Fewer than three matches support the answer.
+        ValueError: Fewer than three matches of distinct points support the answer, or all of
+            them lie on one line.
     """
     open3d.utility.random.seed(int(torch.randint(2**31 - 1, (), generator=generator)))
     p, q = cloud(source), cloud(target)
@@ -133,7 +191,4 @@ def ransac_fpfh(
             ],
             criteria=registration.RANSACConvergenceCriteria(100_000, 0.999),
         )
-    matches = len(result.correspondence_set)
-    if matches < 3:
-        raise ValueError(f"ransac_fpfh needs 3 matches within {max_distance}, got {matches}")
-    return np.array(result.transformation)
+    return check_matches(who, p, q, result, max_distance)

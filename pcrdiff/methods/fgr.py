@@ -5,8 +5,9 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from pcrdiff.classical import cloud, fpfh, registration
+from pcrdiff.classical import check_matches, cloud, fpfh, registration
 from pcrdiff.data.native import open3d
+from pcrdiff.geometry.span import TOLERANCE
 from pcrdiff.registration import check_clouds
 
 
@@ -53,8 +54,20 @@ class FGR:
         result = registration.registration_fgr_based_on_feature_matching(
             p, q, fpfh(p, *self.feature), fpfh(q, *self.feature), option
         )
-        matches = len(result.correspondence_set)
-        if matches < 3:  # Open3D would answer the shift between the centroids
-            raise ValueError(f"fgr needs 3 matches within {self.max_distance}, got {matches}")
-        pose: Float64[np.ndarray, "4 4"] = np.array(result.transformation)
+        pose = check_matches(self.name, p, q, result, self.max_distance)
+        if (pose[:3, :3] == np.eye(3)).all() and not _lies_on(p, q, result):
+            raise ValueError(
+                f"{self.name} needs features that agree on a pose, got none and the shift between "
+                "the centroids"
+            )
         return pose
+
+
+def _lies_on(
+    source: "open3d.geometry.PointCloud",
+    target: "open3d.geometry.PointCloud",
+    result: "open3d.pipelines.registration.RegistrationResult",
+) -> bool:
+    """Whether the answer lays the whole source on the target, but for rounding."""
+    length = max(np.abs(np.asarray(each.points)).max() for each in (source, target))
+    return bool(result.fitness == 1 and result.inlier_rmse <= TOLERANCE * length)

@@ -5,7 +5,7 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from pcrdiff.classical import centred, cloud, one_thread, registration
+from pcrdiff.classical import centred, check_matches, cloud, one_thread, registration
 from pcrdiff.geometry.rigid import invert
 from pcrdiff.registration import check_clouds
 
@@ -41,10 +41,11 @@ class GICP:
         self, source: Float[Tensor, "n 3"], target: Float[Tensor, "m 3"]
     ) -> Float64[Tensor, "4 4"]:
         (p, T_source_p), (q, T_target_q) = centred(source), centred(target)
+        p_cloud, q_cloud = cloud(p), cloud(q)
         with one_thread():
             result = registration.registration_generalized_icp(
-                cloud(p),
-                cloud(q),
+                p_cloud,
+                q_cloud,
                 self.max_distance,
                 np.eye(4),
                 registration.TransformationEstimationForGeneralizedICP(epsilon=0.001),
@@ -52,7 +53,8 @@ class GICP:
             )
         if len(result.correspondence_set) == 0:
             raise ValueError(
-                f"gicp needs points within {self.max_distance} of each other, got none"
+                f"{self.name} needs points within {self.max_distance} of each other, got none"
             )
-        T_q_p = torch.from_numpy(np.array(result.transformation))
+        pose = check_matches(self.name, p_cloud, q_cloud, result, self.max_distance)
+        T_q_p = torch.from_numpy(pose)
         return T_target_q @ T_q_p @ invert(T_source_p)

@@ -29,7 +29,7 @@ class ICP:
         del generator
         check_clouds(self.name, source, target)
         poses = [
-            icp(cloud(p), cloud(q), np.eye(4), self.max_iterations, self.max_distance)
+            icp(self.name, cloud(p), cloud(q), np.eye(4), self.max_iterations, self.max_distance)
             for p, q in zip(source, target, strict=True)
         ]
         return torch.from_numpy(np.stack(poses))

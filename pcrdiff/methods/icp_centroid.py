@@ -29,7 +29,7 @@ class ICPCentroid:
         del generator
         check_clouds(self.name, source, target)
         poses = [
-            icp(cloud(p), cloud(q), T, self.max_iterations, self.max_distance)
+            icp(self.name, cloud(p), cloud(q), T, self.max_iterations, self.max_distance)
             for p, q, T in zip(source, target, centroid_shift(source, target), strict=True)
         ]
         return torch.from_numpy(np.stack(poses))

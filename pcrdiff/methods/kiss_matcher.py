@@ -4,7 +4,7 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from pcrdiff.classical import centred
+from pcrdiff.classical import centred, check_pose, check_support
 from pcrdiff.geometry.rigid import from_parts, invert
 from pcrdiff.isolation import Isolated
 from pcrdiff.native_calls import kiss_match
@@ -38,7 +38,7 @@ class KISSMatcher:
         """Match and fit; nothing is drawn.
 
         Raises:
-            ValueError: Also when fewer than three matches agree with the answer.
+            ValueError: Also when the matches that agree with the answer fix no pose.
             RuntimeError: The library ended its process, or did not answer in time.
         """
         del generator
@@ -50,9 +50,8 @@ class KISSMatcher:
     ) -> Float64[Tensor, "4 4"]:
         (p, T_source_p), (q, T_target_q) = centred(source), centred(target)
         clouds = p.float().numpy(), q.float().numpy()
-        R, t, agreeing = self.isolated.call(kiss_match, *clouds, self.voxel_size)
-        if agreeing < 3:
-            raise ValueError(f"{self.name} needs 3 matches that agree, got {agreeing}")
-        return (
-            T_target_q @ from_parts(torch.from_numpy(R), torch.from_numpy(t)) @ invert(T_source_p)
-        )
+        R, t, p_agreeing, q_agreeing = self.isolated.call(kiss_match, *clouds, self.voxel_size)
+        check_support(self.name, p_agreeing, q_agreeing, "that agree")
+        pose = from_parts(torch.from_numpy(R), torch.from_numpy(t))
+        check_pose(self.name, pose.numpy())
+        return T_target_q @ pose @ invert(T_source_p)

@@ -39,7 +39,7 @@ class RansacFPFH:
         """Match and fit; the generator decides which matches are tried."""
         check_clouds(self.name, source, target)
         poses = [
-            ransac_fpfh(p, q, self.max_distance, self.feature, generator=generator)
+            ransac_fpfh(self.name, p, q, self.max_distance, self.feature, generator=generator)
             for p, q in zip(source, target, strict=True)
         ]
         return torch.from_numpy(np.stack(poses))

@@ -4,9 +4,11 @@ import numpy as np
 import small_gicp
 import torch
 from jaxtyping import Float, Float64
+from scipy.spatial import cKDTree
 from torch import Tensor
 
-from pcrdiff.classical import ransac_fpfh
+from pcrdiff.classical import check_pose, check_support, ransac_fpfh
+from pcrdiff.geometry.rigid import transform
 from pcrdiff.registration import check_clouds
 
 
@@ -49,19 +51,36 @@ class SmallGICP:
     def _register(
         self, source: Float[Tensor, "n 3"], target: Float[Tensor, "m 3"], generator: torch.Generator
     ) -> Float64[np.ndarray, "4 4"]:
-        start = ransac_fpfh(source, target, self.max_distance, self.feature, generator=generator)
+        reach = self.max_distance
+        start = ransac_fpfh(self.name, source, target, reach, self.feature, generator=generator)
         p, q = surface(source), surface(target)
         result = small_gicp.align(
             q,
             p,
             init_T_target_source=start,
             registration_type="GICP",
-            max_correspondence_distance=self.max_distance,
+            max_correspondence_distance=reach,
             max_iterations=self.max_iterations,
             num_threads=1,
         )
-        pose: Float64[np.ndarray, "4 4"] = np.array(result.T_target_source)
-        return pose
+        pose = np.array(result.T_target_source)
+        if not result.converged and (pose == start).all():
+            raise ValueError(f"{self.name} needs a step that brings the clouds nearer, found none")
+        check_support(self.name, *_matches(source, target, pose, reach), f"within {reach}")
+        return check_pose(self.name, pose)
+
+
+def _matches(
+    source: Float[Tensor, "n 3"],
+    target: Float[Tensor, "m 3"],
+    pose: Float64[np.ndarray, "4 4"],
+    reach: float,
+) -> tuple[Float64[np.ndarray, "matches 3"], Float64[np.ndarray, "matches 3"]]:
+    """The points that the pose lays within reach of the target, and those nearest to them."""
+    p, q = source.double(), target.double().numpy()
+    distances, nearest = cKDTree(q).query(transform(torch.from_numpy(pose), p).numpy())
+    near = np.asarray(distances) <= reach
+    return p.numpy()[near], q[np.asarray(nearest)[near]]
 
 
 def surface(points: Float[Tensor, "n 3"]) -> "small_gicp.PointCloud":

@@ -6,7 +6,7 @@ from jaxtyping import Float, Float64
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from pcrdiff.classical import centroid_shift
+from pcrdiff.classical import centroid_shift, check_support
 from pcrdiff.geometry.procrustes import fit_rigid
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.registration import check_clouds
@@ -40,7 +40,11 @@ class TrimmedICP:
         *,
         generator: torch.Generator,
     ) -> Float[Tensor, "batch 4 4"]:
-        """Refine the shift that lays the source's centroid on the target's."""
+        """Refine the shift that lays the source's centroid on the target's.
+
+        Raises:
+            ValueError: Also when the matches of the answer fix no pose.
+        """
         del generator
         check_clouds(self.name, source, target)
         starts = torch.from_numpy(centroid_shift(source, target))
@@ -54,14 +58,22 @@ class TrimmedICP:
         tree: cKDTree,
         T_start: Float64[Tensor, "4 4"],
     ) -> Float64[Tensor, "4 4"]:
-        best, T_best = np.inf, T_start
+        best, T_best, kept = np.inf, T_start, 0
         for percent in OVERLAPS:
             keep = max(3, len(source) * percent // 100)
             error, T = self._trim(source, tree, T_start, keep)
             objective = error / (percent / 100) ** (1 + PREFERENCE)
             if objective < best:
-                best, T_best = objective, T
+                best, T_best, kept = objective, T, keep
+        self._check(source, tree, T_best, kept)
         return T_best
+
+    def _check(
+        self, source: Float64[Tensor, "n 3"], tree: cKDTree, T: Float64[Tensor, "4 4"], keep: int
+    ) -> None:
+        """Refuse an answer whose own matches would not fix it."""
+        kept, matches, _ = _nearest(source, tree, T, keep)
+        check_support(self.name, source[kept].numpy(), tree.data[matches], "among the nearest")
 
     def _trim(
         self, source: Float64[Tensor, "n 3"], tree: cKDTree, T: Float64[Tensor, "4 4"], keep: int
@@ -69,12 +81,20 @@ class TrimmedICP:
         """Mean squared distance of the ``keep`` nearest points, and the pose fitted to them."""
         target, before = torch.from_numpy(tree.data.copy()), np.inf
         for _ in range(self.max_iterations):
-            answer = tree.query(transform(T, source).numpy())
-            distances, matches = np.asarray(answer[0]), np.asarray(answer[1])
-            kept = np.argsort(distances, kind="stable")[:keep]
-            error = float(np.square(distances[kept]).mean())
+            kept, matches, distances = _nearest(source, tree, T, keep)
+            error = float(np.square(distances).mean())
             if error >= before * (1 - TOLERANCE):
                 break
-            p, q = source[kept], target[matches[kept]]
+            p, q = source[kept], target[matches]
             T, before = fit_rigid(p[None], q[None], torch.ones(1, keep).to(p))[0], error
         return before, T
+
+
+def _nearest(
+    source: Float64[Tensor, "n 3"], tree: cKDTree, T: Float64[Tensor, "4 4"], keep: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Index of the ``keep`` points that ``T`` lays nearest to the target, their matches, how near."""
+    answer = tree.query(transform(T, source).numpy())
+    distances, matches = np.asarray(answer[0]), np.asarray(answer[1])
+    kept = np.argsort(distances, kind="stable")[:keep]
+    return kept, matches[kept], distances[kept]

@@ -22,6 +22,8 @@ FOLLOW_ANY_MOTION = ("fgr", "ransac_fpfh", "small_gicp", "kiss_matcher", "deepgm
 """Their answer on exact copies follows the target wherever it goes."""
 GLOBAL = ("fgr", "ransac_fpfh", "small_gicp", "kiss_matcher")
 """They solve dense exact copies from anywhere."""
+searching = pytest.mark.parametrize("name", [*CLASSICAL][2:])
+"""Those that answer by what they find in the clouds."""
 FROM_THE_CENTROIDS = ("icp_centroid", "trimmed_icp")
 """They solve exact copies to the last digits, from the shift between the centroids."""
 FOLLOW_NO_SHIFT = ("identity", "constant", "icp", "pcrdiffusion_cf", "pcrdiffusion_cb")
@@ -113,6 +115,36 @@ def test_refuses_clouds_that_no_pose_can_be_read_from(
     pair[which] = cloud
     with pytest.raises(ValueError, match=f"^{name} needs " + said.format(which)):
         make_method(name).register(**pair, generator=seeded(1))
+
+
+@searching
+@pytest.mark.parametrize("shape", ["line", "two heaps", "three heaps in a row"])
+def test_clouds_that_can_be_turned_unseen_are_a_failure_with_a_reason(
+    name: str, shape: str
+) -> None:
+    heap = 1e-8 * torch.randn(100, 3, generator=seeded(6), dtype=torch.float64)
+    way = torch.tensor([[0.3, -0.2, 0.1]], dtype=torch.float64)
+    source = {
+        "line": torch.linspace(-1, 1, 100, dtype=torch.float64)[:, None] * way,
+        "two heaps": heap + way * (torch.arange(100) % 2)[:, None],
+        "three heaps in a row": heap + way * (torch.arange(100) % 3)[:, None],
+    }[shape]
+    for pose in (small_pose(0, (0.0, 0.0, 0.0)), small_pose(20, (0.01, 0.0, 0.02))):
+        clouds = source[None], transform(pose[None], source[None])
+        with pytest.raises(ValueError, match=f"^{name} needs "):
+            make_method(name).register(*clouds, generator=seeded(1))
+
+
+@searching
+@pytest.mark.parametrize("shape", ["potato", "plate"])
+def test_clouds_that_lie_right_already_are_no_failure(name: str, shape: str) -> None:
+    source = lopsided_clouds(1, 512, generator=seeded(7))
+    if shape == "plate":
+        source = source * torch.tensor([1.0, 1.0, 0.0])
+    answer = make_method(name).register(source, source, generator=seeded(1))
+    here = torch.eye(4, dtype=torch.float64)[None]
+    assert error_r_deg(answer.double(), here).max() < 0.05
+    assert error_t(answer.double(), here).max() < 1e-3
 
 
 @every_method

@@ -1,9 +1,13 @@
 """small_gicp from a global start."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 import small_gicp
 import torch
 
+import pcrdiff.methods.small_gicp as module
 from pcrdiff.methods.small_gicp import SmallGICP
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 
@@ -29,6 +33,31 @@ def test_refuses_clouds_that_the_start_finds_no_three_matches_in() -> None:
     triangle = made_up_pairs(1, 3, generator=seeded(4))
     with pytest.raises(ValueError, match=r"^\w+ needs 3 matches within 0\.05, got "):
         METHOD.register(triangle.source, 9 * triangle.target, generator=seeded(0))
+
+
+@pytest.mark.parametrize("matched", ["nothing", "one point"])
+def test_the_start_is_no_answer_where_the_library_does_not_improve_it(
+    matched: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pairs = made_up_pairs(1, 200, generator=seeded(3))
+    start = np.eye(4)
+    start[0, 3] = 50.0
+    if matched == "one point":
+        p, q = pairs.source[0].double(), pairs.target[0].double()
+        start[:3, 3] = (q[q[:, 0].argmax()] - p[p[:, 0].argmin()]).numpy()
+    monkeypatch.setattr(module, "ransac_fpfh", lambda *_, **__: start)
+    with pytest.raises(ValueError, match=r"^small_gicp needs 3 matches within 0\.05, got [01]$"):
+        METHOD.register(pairs.source, pairs.target, generator=seeded(0))
+
+
+def test_a_start_that_no_step_was_taken_from_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    def give_up(*_: object, **given: object) -> SimpleNamespace:
+        return SimpleNamespace(converged=False, T_target_source=given["init_T_target_source"])
+
+    monkeypatch.setattr(small_gicp, "align", give_up)
+    pairs = made_up_pairs(1, 200, generator=seeded(3))
+    with pytest.raises(ValueError, match=r"^small_gicp needs a step that brings the clouds nearer"):
+        METHOD.register(pairs.source, pairs.target, generator=seeded(0))
 
 
 @pytest.mark.parametrize(
