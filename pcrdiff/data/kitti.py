@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Float64
 
+from pcrdiff.data.names import check_names, list_files, list_folders, refuse_several
 from pcrdiff.data.number_rows import Line, read_lines, read_number
 from pcrdiff.data.raw import (
     FARTHEST_COORDINATE,
@@ -51,9 +52,14 @@ def read_items(root: Path) -> list[RawItem]:
 
     Raises:
         FileNotFoundError: No such folder, or no scan in it.
+        ValueError: There are ``sequences/`` in both places, or a sequence or a scan has another
+            name.
+        OSError: A folder cannot be listed.
     """
     folder = _find_dataset(root)
-    paths = sorted(folder.glob("sequences/[0-9][0-9]/velodyne/[0-9]*.bin"))
+    sequences = list_folders(folder / "sequences")
+    check_names(sequences, "[0-9]{2}", "00")
+    paths = [path for sequence in sequences for path in _list_scans(sequence)]
     if not paths:
         raise FileNotFoundError(
             f"KITTI needs sequences/00/velodyne/000000.bin, {folder} holds no scan"
@@ -70,10 +76,25 @@ def read_items(root: Path) -> list[RawItem]:
 
 
 def _find_dataset(root: Path) -> Path:
-    for folder in (root, root / "dataset"):
-        if (folder / "sequences").is_dir():
-            return folder
-    raise FileNotFoundError(f"KITTI needs a folder `sequences` or `dataset/sequences` in {root}")
+    found = [folder for folder in (root, root / "dataset") if (folder / "sequences").is_dir()]
+    if not found:
+        raise FileNotFoundError(
+            f"KITTI needs a folder `sequences` or `dataset/sequences` in {root}"
+        )
+    refuse_several([(folder / "sequences", "scans") for folder in found], root)
+    return found[0]
+
+
+def _list_scans(sequence: Path) -> list[Path]:
+    """The scans of a sequence; one without ``velodyne`` has only images or a calibration."""
+    found = [folder for folder in list_folders(sequence) if "velodyne" in folder.name.casefold()]
+    folder = sequence / "velodyne"
+    if folder not in found:
+        check_names(found, "velodyne", "velodyne")
+        return []
+    paths = list_files(folder, ".bin")
+    check_names(paths, r"[0-9]{6}\.bin", "000000.bin")
+    return paths
 
 
 def read_scan(path: Path) -> Cloud:

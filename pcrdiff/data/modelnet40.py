@@ -1,6 +1,7 @@
 """ModelNet40 in each of its three official layouts."""
 
 from collections.abc import Callable
+from fnmatch import fnmatchcase
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Literal
@@ -9,9 +10,11 @@ import h5py
 import numpy as np
 from jaxtyping import Float, Int64
 
+from pcrdiff.data.names import check_names, list_files, list_folders, refuse_several
 from pcrdiff.data.number_rows import SHOWN, read_lines, read_rows, split_lines, without_comments
 from pcrdiff.data.off import read_off
 from pcrdiff.data.raw import Cloud, Oriented, RawItem, check_cloud, check_extent
+from pcrdiff.data.tree import entries
 
 CATEGORIES: tuple[str, ...] = (
     "airplane", "bathtub", "bed", "bench", "bookshelf", "bottle", "bowl", "car", "chair", "cone",
@@ -51,23 +54,27 @@ def read_items(root: Path) -> list[RawItem]:
     Raises:
         FileNotFoundError: No such folder, none of the layouts in it, or a list or a listed file
             is missing.
-        ValueError: A list, a label or a category is not ModelNet40's.
+        ValueError: A list, a label, a category or a name is not ModelNet40's, or there is more than
+            one data set or layout.
+        OSError: A folder cannot be listed.
     """
     if not root.is_dir():
         raise FileNotFoundError(f"ModelNet40 needs its folder, {root} is not one")
-    folders = [root, *sorted(entry for entry in root.iterdir() if _is_data_folder(entry))]
-    for folder in folders:
-        for holds, list_items in LAYOUTS:
-            if holds(folder):
-                return _refuse_repetition(list_items(folder), folder)
-    raise FileNotFoundError(
-        f"ModelNet40 needs <category>/train/*.off, train_files.txt with ply_data_train0.h5, or "
-        f"modelnet40_train.txt with <category>/*.txt, {root} holds none of them"
-    )
-
-
-def _is_data_folder(entry: Path) -> bool:
-    return entry.is_dir() and not entry.name.startswith((".", "__"))
+    found = [
+        (folder, layout)
+        for folder in (root, *list_folders(root))
+        for layout, (holds, _) in LAYOUTS.items()
+        if holds(folder)
+    ]
+    if not found:
+        raise FileNotFoundError(
+            f"ModelNet40 needs <category>/train/*.off, train_files.txt with ply_data_train0.h5, or "
+            f"modelnet40_train.txt with <category>/*.txt, {root} holds none of them"
+        )
+    refuse_several(found, root)
+    folder, layout = found[0]
+    _, list_items = LAYOUTS[layout]
+    return _refuse_repetition(list_items(folder), folder)
 
 
 def _refuse_repetition(items: list[RawItem], folder: Path) -> list[RawItem]:
@@ -97,29 +104,43 @@ def _read_lines(path: Path) -> list[str]:
 # The original meshes.
 
 
-def _find_meshes(folder: Path) -> list[Path]:
-    found = (path for split in SPLITS for path in folder.glob(f"*/{split}/*.off"))
-    return sorted(path for path in found if not path.name.startswith("."))
+def _holds_meshes(folder: Path) -> bool:
+    return any(
+        list_files(split, ".off")
+        for category in list_folders(folder)
+        for split in list_folders(category)
+        if split.name in SPLITS
+    )
 
 
 def _list_meshes(folder: Path) -> list[RawItem]:
-    return [
-        RawItem(
-            name=path.stem,
-            group=_check_category(path.parent.parent.name, folder),
-            split="train" if path.parent.name == "train" else "test",
-            read=partial(read_off, path),
-        )
-        for path in _find_meshes(folder)
-    ]
+    return [item for category in list_folders(folder) for item in _list_category(category)]
+
+
+def _list_category(category: Path) -> list[RawItem]:
+    items = []
+    for place in (category, *list_folders(category)):
+        paths = list_files(place, ".off")
+        if not paths:
+            continue
+        _check_category(category.name, category.parent)
+        if place.name not in SPLITS:
+            raise ValueError(f"{paths[0]} needs to lie in {category}/train or {category}/test")
+        check_names(paths, rf"{category.name}_[0-9]{{4}}\.off", f"{category.name}_0001.off")
+        split: Split = "train" if place.name == "train" else "test"
+        items += [
+            RawItem(path.stem, category.name, split, partial(read_off, path)) for path in paths
+        ]
+    return items
 
 
 # modelnet40_ply_hdf5_2048.
 
 
 def _holds_hdf5(folder: Path) -> bool:
-    lists = ("train_files.txt", "test_files.txt", "shape_names.txt")
-    return any((folder / name).is_file() for name in lists) or any(folder.glob("ply_data_*.h5"))
+    names = {entry.name for entry in entries(folder)}
+    lists = {"train_files.txt", "test_files.txt", "shape_names.txt"}
+    return bool(names & lists) or any(fnmatchcase(name, "ply_data_*.h5") for name in names)
 
 
 def _list_hdf5(folder: Path) -> list[RawItem]:
@@ -130,8 +151,10 @@ def _list_hdf5(folder: Path) -> list[RawItem]:
 
 def _list_hdf5_split(folder: Path, split: Split, names: list[str]) -> list[RawItem]:
     items = []
-    for line in _read_lines(folder / f"{split}_files.txt"):
-        path = folder / Path(line).name  # the official lists carry their authors' folders
+    lines = _read_lines(folder / f"{split}_files.txt")
+    paths = [folder / Path(line).name for line in lines]  # official ones carry authors' folders
+    check_names(paths, rf"ply_data_{split}[0-9]+\.h5", f"ply_data_{split}0.h5")
+    for path in paths:
         for index, label in enumerate(_read_labels(path, len(names))):
             item_name = f"{path.stem}/{index:04d}"
             read = partial(_read_hdf5_cloud, path, index)
@@ -195,8 +218,11 @@ def _load_hdf5(
 
 
 def _holds_resampled(folder: Path) -> bool:
-    return any(folder.glob("modelnet40_*.txt")) or any(
-        any((folder / category).glob(f"{category}_*.txt")) for category in CATEGORIES
+    return any(fnmatchcase(entry.name, "modelnet40_*.txt") for entry in entries(folder)) or any(
+        fnmatchcase(entry.name, f"{category.name}_*.txt")
+        for category in list_folders(folder)
+        if category.name in CATEGORIES
+        for entry in entries(category)
     )
 
 
@@ -207,6 +233,7 @@ def _list_resampled(folder: Path) -> list[RawItem]:
         for name in _read_lines(list_path):
             category = _check_category(name.rpartition("_")[0], list_path)
             path = folder / category / f"{name}.txt"
+            check_names([path], rf"{category}_[0-9]{{4}}\.txt", f"{category}_0001.txt")
             if not path.is_file():
                 raise FileNotFoundError(f"{list_path} names {name}, but {path} is missing")
             items.append(RawItem(name, category, split, partial(_read_resampled, path)))
@@ -236,9 +263,9 @@ def _turn_upright(points: Cloud | Oriented) -> Cloud | Oriented:
     return np.stack([-x, z, y], axis=2).reshape(points.shape)
 
 
-LAYOUTS: tuple[tuple[Callable[[Path], object], Callable[[Path], list[RawItem]]], ...] = (
-    (_find_meshes, _list_meshes),
-    (_holds_hdf5, _list_hdf5),
-    (_holds_resampled, _list_resampled),
-)
+LAYOUTS: dict[str, tuple[Callable[[Path], bool], Callable[[Path], list[RawItem]]]] = {
+    "meshes": (_holds_meshes, _list_meshes),
+    "HDF5 files": (_holds_hdf5, _list_hdf5),
+    "resampled clouds": (_holds_resampled, _list_resampled),
+}
 """For each layout: does a folder hold it, and its items."""

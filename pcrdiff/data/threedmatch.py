@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64
 
+from pcrdiff.data.names import check_names, list_files, list_folders
 from pcrdiff.data.number_rows import Line, read_lines, read_number
 from pcrdiff.data.ply import read_ply
 from pcrdiff.data.raw import RawItem, RecordedPair, check_rigid
@@ -27,11 +28,13 @@ def read_items(root: Path) -> list[RawItem]:
 
     Raises:
         FileNotFoundError: No such folder, or no fragment in it.
+        ValueError: A point cloud in a scene has another name.
+        OSError: A folder cannot be listed.
     """
     if not root.is_dir():
         raise FileNotFoundError(f"3DMatch needs its folder, {root} is not one")
-    found = (path for path in root.glob("*/cloud_bin_*.ply") if _is_fragment(path))
-    paths = sorted(found, key=lambda path: (path.parent.name, _number(path)))
+    scenes = [folder for folder in list_folders(root) if not folder.name.endswith(EVALUATION)]
+    paths = [path for scene in scenes for path in _list_fragments(scene)]
     if not paths:
         raise FileNotFoundError(f"3DMatch needs <scene>/cloud_bin_0.ply, {root} holds no fragment")
     return [
@@ -45,16 +48,10 @@ def read_items(root: Path) -> list[RawItem]:
     ]
 
 
-def _is_fragment(path: Path) -> bool:
-    return _suffix(path).isdecimal() and not path.parent.name.endswith(EVALUATION)
-
-
-def _suffix(path: Path) -> str:
-    return path.stem.removeprefix("cloud_bin_")
-
-
-def _number(path: Path) -> int:
-    return int(_suffix(path))
+def _list_fragments(scene: Path) -> list[Path]:
+    paths = list_files(scene, ".ply")
+    check_names(paths, r"cloud_bin_(0|[1-9][0-9]*)\.ply", "cloud_bin_0.ply")
+    return sorted(paths, key=lambda path: int(path.stem.removeprefix("cloud_bin_")))
 
 
 def read_pairs(root: Path) -> list[RecordedPair]:
@@ -74,7 +71,8 @@ def read_pairs(root: Path) -> list[RecordedPair]:
             names has no file.
         ValueError: A log is cut or malformed, or a pose is not rigid (see ``check_rigid``).
     """
-    folders = sorted(folder for folder in root.glob(f"*{EVALUATION}") if folder.is_dir())
+    folders = [folder for folder in list_folders(root) if EVALUATION in folder.name.casefold()]
+    check_names(folders, f".+{EVALUATION}", f"<scene>{EVALUATION}")
     if not folders:
         raise FileNotFoundError(f"3DMatch needs <scene>{EVALUATION}/gt.log, {root} holds none")
     return [pair for folder in folders for pair in _read_log(root, folder / "gt.log")]

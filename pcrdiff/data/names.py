@@ -1,0 +1,81 @@
+"""The names that a data set gives its folders and files: others are refused, none is passed over."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from pcrdiff.data.tree import entries
+
+LITTER = re.compile(r"[.#].*|__.*|.*(~|\.bak|\.swp)", re.DOTALL)
+"""What systems and editors leave beside the files of people."""
+SHOWN = 5
+"""Names that a sentence quotes before it only counts them."""
+
+
+def list_folders(folder: Path) -> list[Path]:
+    """The folders right below one, by name, but for what systems leave there.
+
+    Raises:
+        FileNotFoundError: A link leads nowhere, so what it stood for would be missed.
+        OSError: The folder cannot be listed.
+    """
+    found = [entry for entry in entries(folder) if not LITTER.fullmatch(entry.name)]
+    for entry in found:
+        if entry.is_symlink() and not entry.exists():
+            raise FileNotFoundError(f"{entry} needs what it links to, {entry.readlink()} is gone")
+    return [entry for entry in found if entry.is_dir()]
+
+
+def list_files(folder: Path, ending: str) -> list[Path]:
+    """The files whose names hold ``ending`` in whatever case, so the misnamed ones among them.
+
+    Raises:
+        OSError: The folder cannot be listed.
+    """
+    return [
+        entry
+        for entry in entries(folder)
+        if ending in entry.name.casefold() and not LITTER.fullmatch(entry.name)
+    ]
+
+
+def check_names(paths: Sequence[Path], pattern: str, official: str) -> None:
+    """Refuse names that are not the data set's own: a copy would count as an item of its own.
+
+    Args:
+        paths: Files or folders that lie in one folder.
+        pattern: A regular expression for the whole name.
+        official: How such a name looks, for the message.
+
+    Raises:
+        ValueError: A name is not like that; the sentence quotes it.
+    """
+    wrong = [path for path in paths if not re.fullmatch(pattern, path.name)]
+    if wrong:
+        quoted = ", ".join(repr(path.name) for path in wrong[:SHOWN])
+        more = f" and {len(wrong) - SHOWN} more" if len(wrong) > SHOWN else ""
+        raise ValueError(
+            f"{wrong[0].parent} needs names like {official}, got {quoted}{more}: "
+            "rename or remove what is no part of the data set"
+        )
+
+
+def refuse_several(candidates: Sequence[tuple[Path, str]], root: Path) -> None:
+    """Refuse to choose among data sets; links to the same folder count once.
+
+    Args:
+        candidates: Folders that hold one, and in words which.
+        root: Where they were looked for, for the message.
+
+    Raises:
+        ValueError: There are several; the sentence lists them.
+    """
+    distinct: dict[tuple[Path, str], Path] = {}
+    for folder, what in candidates:
+        distinct.setdefault((folder.resolve(), what), folder)
+    if len(distinct) > 1:
+        listed = "; ".join(f"{what} in {folder}" for (_, what), folder in distinct.items())
+        raise ValueError(
+            f"{root} needs to hold one data set in one layout, it holds {len(distinct)}: {listed}; "
+            "give a folder that holds only the one that is meant"
+        )
