@@ -56,9 +56,22 @@ def git(*arguments: str, folder: Path | None = None) -> str:
 
 
 def project_root() -> Path:
-    """Return ``$DVC_ROOT`` (the main repository, also for ``--temp``), else git's top, else here."""
-    root = os.environ.get("DVC_ROOT") or git("rev-parse", "--show-toplevel")
-    return Path(root).resolve() if root else Path.cwd()
+    """Return ``$DVC_ROOT`` (the main repository, also for ``--temp``), else the project around here.
+
+    Git is not asked: the project may lie inside another repository, or in none.
+
+    Raises:
+        FileNotFoundError: Neither this folder nor one above it is a project.
+    """
+    told = os.environ.get("DVC_ROOT")
+    if told:
+        return Path(told).resolve()
+    here = Path.cwd()
+    for folder in (here, *here.parents):
+        if (folder / "dvc.yaml").is_file() and (folder / ".dvc").is_dir():
+            return folder
+    needed = "a folder with the project's dvc.yaml and .dvc is needed here or above"
+    raise FileNotFoundError(f"{needed}, {here} has none: go to the project, or set DVC_ROOT to it")
 
 
 def process_identity(pid: int) -> str:
