@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from pipeline.housekeeping import dead_experiments
-from pipeline.invocation import git
+from pipeline.invocation import ask_git, check_experiments
 
 Level = Literal["ok", "warning", "error"]
 LEAST_FREE_GB = 2.0
@@ -88,11 +88,15 @@ def check_params(root: Path) -> Iterator[Finding]:
 
 
 def check_code_in_git(root: Path) -> Iterator[Finding]:
-    """No code that ``dvc exp run`` would run with and yet not commit."""
-    new = git("ls-files", "--others", "--exclude-standard", "--", "*.py", folder=root).split("\n")
-    if not git("rev-parse", "HEAD", folder=root):
-        yield Finding("error", f"{root} is not a git repository with a commit; dvc exp needs one")
-    elif new != [""]:
+    """Git can keep experiments, and no code that one would run with is left out of its commit."""
+    try:
+        check_experiments(root)
+    except ValueError as error:
+        yield Finding("error", str(error))
+        return
+    listed = ask_git("ls-files", "--others", "--exclude-standard", "--", "*.py", folder=root)
+    new = listed.splitlines()
+    if new:
         named = ", ".join(new[:5]) + (", ..." if len(new) > 5 else "")
         advice = "`dvc exp run` would not commit them; git add them"
         yield Finding("warning", f"{len(new)} Python files are not in git: {named}; {advice}")

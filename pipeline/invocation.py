@@ -1,13 +1,19 @@
 """Which pipeline run a process belongs to: the experiment, or the ``dvc`` command above it."""
 
 import os
+import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 VARIABLE = "PCRDIFF_INVOCATION"
 """A launcher of several ``dvc repro -s`` sets this to ``process_identity(os.getpid())``."""
+
+NOTHING_THERE = ("not a git repository (or any", "ambiguous argument 'HEAD'", "bad revision 'HEAD'")
+"""How git's answer begins where there is no repository, or none with a commit."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +31,7 @@ class Pipeline:
     invocation: str
     """Identity of the command that started it all, empty where none is known."""
     revision: str
-    """The commit checked out, empty outside git."""
+    """The commit checked out; empty outside git, and where git refuses."""
 
 
 def current_pipeline() -> Pipeline:
@@ -46,19 +52,80 @@ def current_pipeline() -> Pipeline:
 
 
 def git(*arguments: str, folder: Path | None = None) -> str:
-    """Return what ``git`` prints, stripped; empty where git or the repository is missing."""
-    command = ["git", *arguments]
+    """Return what ``git`` prints, stripped; empty, and the reason on stderr, where it refuses."""
     try:
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        return ask_git(*arguments, folder=folder)
+    except ValueError as error:
+        _say(str(error))
+        return ""
+
+
+def ask_git(*arguments: str, folder: Path | None = None) -> str:
+    """Return what ``git`` prints, stripped; empty where git, the repository or a commit is missing.
+
+    Raises:
+        ValueError: Git refuses, since the folder is another user's, say; the sentence is git's own.
+    """
+    command = ["git", *arguments]
+    english = {**os.environ, "LC_ALL": "C"}
+    try:
+        done = subprocess.run(
+            command, cwd=folder, env=english, capture_output=True, text=True, check=False
+        )
     except OSError:
         return ""
+    said = " ".join(done.stderr.split()).removeprefix("fatal: ")
+    if done.returncode and said and not said.startswith(NOTHING_THERE):
+        raise ValueError(f"git refuses {folder or Path.cwd()}: {said}")
     return done.stdout.strip() if done.returncode == 0 else ""
 
 
+def check_experiments(root: Path) -> None:
+    """Check that DVC can keep what an experiment computes, which it does as commits beside HEAD.
+
+    Raises:
+        ValueError: It cannot, and would say so after the work or never; with the remedy.
+    """
+    needs = "`dvc exp` keeps its results as git commits"
+    if not shutil.which("git"):
+        raise ValueError(f"{needs}, and there is no git on PATH: install it")
+    shallow = ask_git("rev-parse", "--is-shallow-repository", folder=root)
+    if not shallow:
+        raise ValueError(f"{needs}, and {root} is not a git repository: clone it, or `git init`")
+    if not ask_git("rev-parse", "HEAD", folder=root):
+        raise ValueError(f"{needs}, and {root} has no commit yet: `git commit` first")
+    if shallow == "true":
+        lost = "a shallow clone, in which they are lost: run `git fetch --unshallow`"
+        raise ValueError(f"{needs}, and {root} is {lost}")
+    for name in ("name", "email"):
+        given = os.environ.get(f"GIT_COMMITTER_{name.upper()}")
+        if not (given or ask_git("config", f"user.{name}", folder=root)):
+            raise ValueError(f"{needs}, and git has no user.{name}: `git config user.{name} ...`")
+
+
+@cache
+def _say(sentence: str) -> None:
+    """Tell it on stderr, once a process."""
+    sys.stderr.write(f"pcrdiff: {sentence}\n")
+
+
 def project_root() -> Path:
-    """Return ``$DVC_ROOT`` (the main repository, also for ``--temp``), else git's top, else here."""
-    root = os.environ.get("DVC_ROOT") or git("rev-parse", "--show-toplevel")
-    return Path(root).resolve() if root else Path.cwd()
+    """Return ``$DVC_ROOT`` (the main repository, also for ``--temp``), else the project around here.
+
+    Git is not asked: the project may lie inside another repository, or in none.
+
+    Raises:
+        FileNotFoundError: Neither this folder nor one above it is a project.
+    """
+    told = os.environ.get("DVC_ROOT")
+    if told:
+        return Path(told).resolve()
+    here = Path.cwd()
+    for folder in (here, *here.parents):
+        if (folder / "dvc.yaml").is_file() and (folder / ".dvc").is_dir():
+            return folder
+    needed = "a folder with the project's dvc.yaml and .dvc is needed here or above"
+    raise FileNotFoundError(f"{needed}, {here} has none: go to the project, or set DVC_ROOT to it")
 
 
 def process_identity(pid: int) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from ruamel.yaml import YAML
 
 from pipeline.artifacts import write_atomically
+from pipeline.invocation import check_experiments
 
 NAME = "real"
 VARIABLE = "PCRDIFF_REAL_DATA"
@@ -27,9 +28,10 @@ def run_real(root: Path) -> list[Path]:
 
     Raises:
         FileNotFoundError: There is no real data.
-        ValueError: Its path cannot be written into YAML, or a stage failed; that one's own sentence
-            stands above.
+        ValueError: Git could not keep the experiment, the data's path cannot be written into YAML,
+            or a stage failed; that one's own sentence stands above.
     """
+    check_experiments(root)
     profile = _profile_on(_folder(root), root / "profiles" / f"{NAME}.yaml")
     params = root / "params.yaml"
     before = params.read_bytes()
@@ -67,11 +69,13 @@ def _profile_on(folder: str, path: Path) -> bytes:
 def _fetch(root: Path) -> list[Path]:
     """Take the small files out of the experiment's commit, and the page out of the cache."""
     refs = _git(root, "for-each-ref", "--format=%(refname)", "refs/exps").decode().split()
-    commit = next(ref for ref in refs if ref.endswith(f"/{NAME}"))
+    commit = next((ref for ref in refs if ref.endswith(f"/{NAME}")), None)
+    if commit is None:
+        raise ValueError(f"DVC kept no experiment {NAME!r}; `dvc exp show` lists those there are")
     names = _git(root, "ls-tree", "-r", "--name-only", commit, "reports").decode().split()
     wanted = [name for name in names if Path(name).stem == NAME or f"/{NAME}/" in name]
     for name in wanted:
-        write_atomically(root / name, _git(root, "show", f"{commit}:{name}"))
+        write_atomically(root / name, _git(root, "show", f"{commit}:./{name}"))
     page = Path("reports", f"{NAME}.html")
     revision = _git(root, "rev-parse", commit).decode().strip()
     _dvc(root, "get", "-q", "-f", ".", "reports/index.html", "--rev", revision, "-o", str(page))
@@ -87,4 +91,7 @@ def _dvc(root: Path, *words: str, check: bool = True) -> None:
 
 
 def _git(root: Path, *words: str) -> bytes:
-    return subprocess.run(["git", *words], cwd=root, check=True, stdout=subprocess.PIPE).stdout
+    done = subprocess.run(["git", *words], cwd=root, check=False, stdout=subprocess.PIPE)
+    if done.returncode:
+        raise ValueError(f"`git {words[0]}` failed with exit code {done.returncode}, see above")
+    return done.stdout

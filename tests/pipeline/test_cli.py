@@ -29,6 +29,8 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.chdir(tmp_path)
     subprocess.run(["git", "init", "--quiet"], check=True)
+    (tmp_path / ".dvc").mkdir()
+    (tmp_path / "dvc.yaml").touch()
     (tmp_path / "profiles").mkdir()
     (tmp_path / "profiles" / "quick.yaml").write_text(QUICK)
     (tmp_path / "profiles" / "paper.yaml").write_text(PAPER)
@@ -115,6 +117,7 @@ def test_plan_outside_a_dvc_repository_is_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("DVC_ROOT", str(tmp_path))
+    (tmp_path / ".dvc").rmdir()
     result = pcrdiff("plan")
     assert result.exit_code == 1
     assert "not inside of a DVC repository" in result.stderr

@@ -45,6 +45,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             (root / "seen.yaml").write_bytes((root / "params.yaml").read_bytes())
 
     monkeypatch.setattr(real, "_dvc", seen)
+    monkeypatch.setattr(real, "check_experiments", lambda _root: None)
     monkeypatch.setattr(real, "_fetch", lambda _root: [])
     return folder
 

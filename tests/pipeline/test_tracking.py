@@ -33,6 +33,12 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+def make_project(folder: Path) -> Path:
+    (folder / ".dvc").mkdir(parents=True)
+    (folder / "dvc.yaml").touch()
+    return folder
+
+
 def only_record(root: Path) -> Record:
     (record,) = waiting_records(root)
     return record
@@ -199,18 +205,56 @@ def test_a_process_has_one_identity_for_ever() -> None:
     assert not is_running("")
 
 
-def test_without_dvc_the_journal_lies_at_the_top_of_the_repository(
+def test_without_dvc_the_journal_lies_at_the_top_of_the_project(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("DVC_ROOT")
     monkeypatch.delenv("DVC_STAGE")
     subprocess.run(["git", "init", "--quiet"], check=True)
+    make_project(project)
     (project / "deep").mkdir()
     monkeypatch.chdir(project / "deep")
     assert project_root() == project.resolve()
     with journal(params={}):
         pass
     assert only_record(project).pipeline.key == "manual@nogit"
+
+
+@pytest.mark.parametrize("outer", ["with git", "with git and DVC", "without git"])
+def test_the_project_is_found_by_its_own_files_whatever_it_lies_in(
+    project: Path, monkeypatch: pytest.MonkeyPatch, outer: str
+) -> None:
+    monkeypatch.delenv("DVC_ROOT")
+    if outer != "without git":
+        subprocess.run(["git", "init", "--quiet"], check=True)
+    if "DVC" in outer:
+        make_project(project)
+    inner = make_project(project / "vendor" / "pcrdiff")
+    (inner / "deep").mkdir()
+    (inner / "deep" / "dvc.yaml").touch()  # DVC's pipelines may lie deeper; the project does not
+    monkeypatch.chdir(inner / "deep")
+    assert project_root() == inner.resolve()
+
+
+@pytest.mark.parametrize("there", ["nothing", "dvc.yaml", ".dvc"])
+def test_a_folder_that_is_no_project_is_one_sentence(
+    project: Path, monkeypatch: pytest.MonkeyPatch, there: str
+) -> None:
+    monkeypatch.delenv("DVC_ROOT")
+    subprocess.run(["git", "init", "--quiet"], check=True)
+    if there == "dvc.yaml":
+        (project / "dvc.yaml").touch()
+    elif there == ".dvc":
+        (project / ".dvc").mkdir()
+    with pytest.raises(FileNotFoundError, match=r"dvc\.yaml and \.dvc is needed") as refused:
+        project_root()
+    assert str(project) in str(refused.value)
+
+
+def test_what_dvc_says_is_the_root_goes_before_what_lies_around(project: Path) -> None:
+    make_project(project / "temporary")
+    os.chdir(project / "temporary")
+    assert project_root() == project.resolve()
 
 
 def test_the_md5_of_a_folder_is_that_of_its_sorted_list(project: Path) -> None:
