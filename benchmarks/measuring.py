@@ -113,7 +113,7 @@ def _counted(count: int, what: str) -> str:
 def _processor() -> str:
     """Its name as the kernel tells it; its architecture where it does not."""
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         lines = []
     named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))

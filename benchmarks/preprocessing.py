@@ -66,7 +66,7 @@ def refine(path: Path, finer: Path) -> None:
     while not finer.is_file() or finer.stat().st_size < MEAN_SIZE:
         mesh = mesh.subdivide_midpoint(1)
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
-        with finer.open("w") as file:
+        with finer.open("w", encoding="ascii") as file:
             file.write(f"OFF\n{len(vertices)} {len(faces)} 0\n")
             np.savetxt(file, vertices, "%.6f")
             np.savetxt(file, np.insert(faces, 0, 3, axis=1), "%d")

@@ -125,7 +125,7 @@ def open_checkpoint(
         raise ValueError(f"{same}; it holds {lock.lock_file}") from error
     try:
         folder.mkdir(parents=True, exist_ok=True)  # the holder before may have just removed it
-        (folder / OWNER).write_text(str(os.getpid()))
+        (folder / OWNER).write_text(str(os.getpid()), encoding="ascii")
         yield Checkpoint(folder)
         shutil.rmtree(folder)
         Path(lock.lock_file).unlink(missing_ok=True)
@@ -174,7 +174,7 @@ def _on_cpu(tensor: torch.Tensor) -> torch.Tensor:
 
 def _owner(folder: Path) -> str:
     try:
-        return f"process {int((folder / OWNER).read_text())}"
+        return f"process {int((folder / OWNER).read_text(encoding='ascii'))}"
     except (OSError, ValueError):
         return "it has just started"
 

@@ -169,10 +169,12 @@ def become_module(*words: str) -> NoReturn:
 
 
 def _fitting_jobs() -> int:
-    """Return how many stages the cores have room for."""
+    """Return how many stages the cores that this process may use have room for."""
     from pipeline.params import read_params
 
-    return max(1, (os.cpu_count() or 1) // read_params().threads)
+    mine = getattr(os, "sched_getaffinity", None)  # under taskset and SLURM fewer than there are
+    cores = len(mine(0)) if mine else os.cpu_count() or 1
+    return max(1, cores // read_params().threads)
 
 
 def _root() -> Path:

@@ -135,7 +135,7 @@ def process_identity(pid: int) -> str:
         ``<boot>-<pid>-<start tick>``; empty where ``/proc`` does not tell (not Linux, or gone).
     """
     try:
-        boot = Path("/proc/sys/kernel/random/boot_id").read_text()[:8]
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii")[:8]
         return f"{boot}-{pid}-{_stat(pid)[19]}"
     except (OSError, IndexError):
         return ""
@@ -149,7 +149,8 @@ def is_running(identity: str) -> bool:
 
 def _stat(pid: int) -> list[str]:
     """Return the fields of ``/proc/<pid>/stat`` after the name: state, parent, ..., start tick."""
-    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    told = Path(f"/proc/{pid}/stat").read_bytes()  # a name may be of any bytes
+    return told.rpartition(b")")[2].decode("ascii").split()
 
 
 def _ancestors() -> Iterator[int]:

@@ -150,7 +150,7 @@ class LockFile:
         if not self.waiting:
             return
         with self.repo.lock:
-            text = self.path.read_text() if self.path.is_file() else ""
+            text = self.path.read_text(encoding="utf-8") if self.path.is_file() else ""
             content = parse_yaml(text, str(self.path)) or {"schema": "2.0"}
             stages = {**content.get("stages", {}), **self.waiting}
             ordered = sorted(stages, key=lambda name: self.place.get(name, len(self.place)))
@@ -228,7 +228,7 @@ class Launcher:
         try:
             entry, cpu_seconds = one.answer.recv()
         except EOFError:  # it ended without a word: DVC, or the stage, refused or was killed
-            said = one.log.read_text(errors="replace").splitlines()[-LAST_LINES:]
+            said = one.log.read_text(encoding="utf-8", errors="replace").splitlines()[-LAST_LINES:]
             self.failure = "\n".join([f"stage {name} failed; the end of {one.log}:", *said])
             cpu_seconds = 0.0
         else:
@@ -243,7 +243,7 @@ def _is_alone(stage: Any) -> bool:  # noqa: ANN401  DVC's own stage
 
 def reproduce(repo: Any, stage: Any, answer: Connection, log: Path) -> None:  # noqa: ANN401
     """In a process of its own: let DVC run the stage or restore it, and send its lock entry."""
-    with log.open("w", buffering=1) as file:
+    with log.open("w", buffering=1, encoding="utf-8", errors="surrogateescape") as file:
         os.dup2(file.fileno(), sys.stdout.fileno())
         os.dup2(file.fileno(), sys.stderr.fileno())
         with redirect_stdout(file), redirect_stderr(file):

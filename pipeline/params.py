@@ -387,7 +387,7 @@ def read_params(path: Path = Path("params.yaml")) -> Params:
         ValueError: It is not YAML, or a key is missing, unknown or ill-typed; one sentence.
     """
     try:
-        return Params.model_validate(yaml.safe_load(path.read_text()))
+        return Params.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
     except ValidationError as error:

@@ -120,7 +120,7 @@ def _numbers(path: Path, md5: str) -> Iterator[tuple[str, float]]:
     if path.suffix != ".json" or not path.is_file() or path.stat().st_size > LARGEST_METRICS_FILE:
         return
     if content_md5(path) == md5:
-        yield from flat_numbers(json.loads(path.read_text()))
+        yield from flat_numbers(json.loads(path.read_text(encoding="utf-8")))
 
 
 def flat_numbers(values: object, prefix: str = "") -> Iterator[tuple[str, float]]:

@@ -75,7 +75,7 @@ def resident(which: str) -> float:
     Raises:
         FileNotFoundError: The system has no ``/proc``.
     """
-    status = Path("/proc/self/status").read_text()
+    status = Path("/proc/self/status").read_text(encoding="utf-8", errors="replace")
     found = re.search(rf"^{which}:\s+(\d+) kB$", status, re.MULTILINE)
     if found is None:
         raise ValueError(f"/proc/self/status needs a line {which}, it has none")
@@ -84,7 +84,7 @@ def resident(which: str) -> float:
 
 def forget_peak() -> None:
     """Let the highest resident memory be counted from now on."""
-    Path("/proc/self/clear_refs").write_text("5")
+    Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
 
 
 def write_costs(path: Path, costs: Mapping[str, list[Cost]]) -> None:

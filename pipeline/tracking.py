@@ -166,7 +166,7 @@ def _counts(file: Path) -> bool:
 def processor() -> str:
     """Return the name of this machine's processor; what it computes may hang on it."""
     try:
-        described = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+        described = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     except OSError:
         return platform.processor() or platform.machine()
     names = [

@@ -58,6 +58,21 @@ def test_help_imports_nothing_slow() -> None:
     assert not loaded & {"torch", "mlflow", "open3d", "dvc", "numpy", "yaml", "filelock"}
 
 
+def test_as_many_stages_fit_as_cores_that_may_be_used(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of a machine may be more: under taskset, in a container, in SLURM's job."""
+    told = (REPOSITORY / "params.yaml").read_text(encoding="utf-8")
+    (project / "params.yaml").write_text(told.replace("threads: 1", "threads: 2", 1))
+    monkeypatch.setattr(os, "cpu_count", lambda: 64)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 4, 5, 6}, raising=False)
+    assert cli._fitting_jobs() == 2
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3}, raising=False)
+    assert cli._fitting_jobs() == 1
+    monkeypatch.delattr(os, "sched_getaffinity")
+    assert cli._fitting_jobs() == 32
+
+
 def test_a_profile_is_copied_with_its_comments_and_the_change_is_told(project: Path) -> None:
     result = pcrdiff("profile", "paper")
     assert result.exit_code == 0

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -191,6 +192,20 @@ def test_an_experiment_is_one_pipeline_whatever_started_it(
     monkeypatch.setenv(VARIABLE, "someone")
     pipeline = current_pipeline()
     assert (pipeline.key, pipeline.name) == ("exp:parky-pein@0123456", "parky-pein@0123456")
+
+
+def test_a_process_whose_name_is_no_text_has_an_identity(tmp_path: Path) -> None:
+    """Any command may stand above a stage; its name is bytes, with brackets and blanks too."""
+    named = tmp_path / os.fsdecode(b"a) \xe4 (")
+    named.symlink_to(shutil.which("sleep") or "sleep")
+    child = subprocess.Popen([named, "100"])
+    try:
+        identity = process_identity(child.pid)
+        assert identity.split("-")[2].isdigit()
+        assert is_running(identity)
+    finally:
+        child.kill()
+        child.wait()
 
 
 def test_a_process_has_one_identity_for_ever() -> None:
