@@ -151,6 +151,8 @@ def _described(folder: Path) -> dict[str, dict[str, str | int]]:
 def read_manifest(folder: Path, *, base: Path) -> Path:
     """Find the data set that a manifest describes, and check that it is still what it was.
 
+    A local one is read whole for that: it lies where anyone may change it.
+
     Args:
         folder: The folder that holds ``manifest.json``.
         base: What a relative local root is relative to: the project's own folder.
@@ -160,7 +162,9 @@ def read_manifest(folder: Path, *, base: Path) -> Path:
 
     Raises:
         FileNotFoundError: The manifest, the root or one of its files is gone.
-        ValueError: The manifest is not one, or a file has another size than it says.
+        ValueError: The manifest is not one, a file has another size than it says, or a local data
+            set has a file with other content or one more than it says.
+        OSError: A file or folder of a local data set cannot be read.
     """
     path = folder / MANIFEST
     if not path.is_file():
@@ -179,7 +183,26 @@ def read_manifest(folder: Path, *, base: Path) -> Path:
                 f"{path} needs {file} with {entry['size']} bytes, it has {file.stat().st_size}: "
                 "run the acquire stage again if that is meant"
             )
+    if local:
+        _check_content(path, manifest["files"], root)
     return root
+
+
+def _check_content(manifest: Path, described: Sequence[dict[str, Any]], root: Path) -> None:
+    """Refuse files whose content is not the described one, and files that nothing describes.
+
+    Hidden ones may come: no reader takes them, and file managers leave them behind.
+    """
+    files = {entry["path"]: entry for entry in described}
+    for path in _list_files(root, skip=manifest):
+        entry = files.get(path.relative_to(root).as_posix())
+        if entry is None and not path.name.startswith("."):
+            raise ValueError(f"{manifest} knows no {path}: run the acquire stage again")
+        if entry is not None and _describe(path, root) != entry:
+            raise ValueError(
+                f"{manifest} needs {path} as it was when it was acquired, its content is another: "
+                "run the acquire stage again"
+            )
 
 
 def read_source(folder: Path) -> tuple[str, str]:

@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import os
 import socket
 import ssl
 import zipfile
@@ -458,6 +459,43 @@ def test_refuses_a_data_set_that_changed_since(tmp_path: Path, local: Path) -> N
     local.rename(tmp_path / "moved")
     with pytest.raises(FileNotFoundError, match="kitti, which is gone"):
         read_manifest(out, base=tmp_path)
+
+
+@pytest.mark.parametrize("keeps_times", [True, False])
+def test_refuses_a_local_file_that_was_replaced_by_one_as_long(
+    tmp_path: Path, local: Path, keeps_times: bool
+) -> None:
+    out, path = tmp_path / "out", local / "b/1.bin"
+    write_manifest(local, out, source="local")
+    before = path.stat()
+    path.write_bytes(b"two")
+    if keeps_times:
+        os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    with pytest.raises(ValueError, match=r"1\.bin as it was when it was acquired"):
+        read_manifest(out, base=tmp_path)
+    write_manifest(local, out, source="local")
+    assert read_manifest(out, base=tmp_path) == local
+
+
+def test_refuses_a_local_file_that_came_since_unless_it_is_hidden(
+    tmp_path: Path, local: Path
+) -> None:
+    write_manifest(local, tmp_path / "out", source="local")
+    (local / "b" / ".DS_Store").write_bytes(b"litter")
+    assert read_manifest(tmp_path / "out", base=tmp_path) == local
+    (local / "b" / "2.bin").write_bytes(b"two")
+    with pytest.raises(ValueError, match=r"manifest\.json knows no .*b/2\.bin: run the acquire"):
+        read_manifest(tmp_path / "out", base=tmp_path)
+
+
+def test_refuses_a_local_data_set_whose_files_changed_places(tmp_path: Path, local: Path) -> None:
+    (local / "b/2.bin").write_bytes(b"two")
+    write_manifest(local, tmp_path / "out", source="local")
+    (local / "b/1.bin").rename(local / "b/3")
+    (local / "b/2.bin").rename(local / "b/1.bin")
+    (local / "b/3").rename(local / "b/2.bin")
+    with pytest.raises(ValueError, match=r"b/1\.bin as it was"):
+        read_manifest(tmp_path / "out", base=tmp_path)
 
 
 @pytest.mark.parametrize(
