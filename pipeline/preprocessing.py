@@ -1,11 +1,12 @@
 """From a raw data set to the pairs of a scenario, and a record of how they were made."""
 
-from collections.abc import Callable, Iterator, Mapping
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from pcrdiff.data import kitti, modelnet40, threedmatch
-from pcrdiff.data.acquisition import read_manifest, read_source
+from pcrdiff.data.acquisition import read_digests, read_manifest, read_source
 from pcrdiff.data.raw import RawItem
 from pcrdiff.data.scenarios import Corruption, Split, choose_shown, make_pairs, split_items
 from pcrdiff.registration import Pairs
@@ -27,6 +28,8 @@ LICENCES = {
     "kitti": "CC BY-NC-SA 3.0 (www.cvlibs.net)",
 }
 SYNTHETIC_LICENCE = "MIT, made by this project"
+SHOWN = 5
+"""Doubled contents that are named before they are only counted."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +53,20 @@ def preprocess(
 ) -> Preprocessed:
     """List the pairs of one scenario; each is made when it is asked for.
 
+    Content that stands in more than one split is named on stderr: what a method is tested on, it
+    has then seen in training.
+
     Raises:
         FileNotFoundError: The raw data set is not there, or a file of it is gone.
         ValueError: A raw file is malformed, too small for the scenario, or lacks normals that the
             scenario wants given: also while the pairs are made.
     """
-    items = READERS[family](read_manifest(raw, base=project_root()))
+    root = read_manifest(raw, base=project_root())
+    items = READERS[family](root)
     chosen = split_items(items, Split(**scenario.split.model_dump()))
+    doubled = find_doubled(items, chosen, read_digests(raw, root))
+    if doubled:
+        sys.stderr.write(f"pcrdiff preprocess: {_say_doubled(scenario.dataset, doubled)}\n")
     corruption = Corruption(
         scenario.num_points,
         scenario.sampling,
@@ -85,6 +95,45 @@ def preprocess(
     label = "category" if family == "modelnet40" else "scene"
     attributes = {"scenario": name, "unit": "unit sphere", "seed": seed, "provenance": provenance}
     return Preprocessed(splits, label, attributes)
+
+
+def find_doubled(
+    items: Sequence[RawItem], chosen: Mapping[str, Sequence[int]], digests: Mapping[Path, str]
+) -> list[dict[str, RawItem]]:
+    """Find content that stands in more than one split.
+
+    Args:
+        items: All items of the data set.
+        chosen: Which of them each split has.
+        digests: The sha256 of the files, by their real paths.
+
+    Returns:
+        For each such content the first item of each split that has it.
+    """
+    met: dict[str, dict[str, RawItem]] = {}
+    for split, indices in chosen.items():
+        for item in (items[index] for index in indices):
+            content = item.sha256 or (item.file and digests.get(item.file.resolve()))
+            if content:
+                met.setdefault(content, {}).setdefault(split, item)
+    return [by_split for by_split in met.values() if len(by_split) > 1]
+
+
+def _say_doubled(dataset: str, doubled: Sequence[Mapping[str, RawItem]]) -> str:
+    named = [
+        " = ".join(f"{_place(item)} in {split}" for split, item in by_split.items())
+        for by_split in doubled[:SHOWN]
+    ]
+    more = f"; and {len(doubled) - SHOWN} more" if len(doubled) > SHOWN else ""
+    return (
+        f"{dataset} has the same content in several splits, {len(doubled)} times, so a method may be "
+        f"tested on what it was trained on: {'; '.join(named)}{more}"
+    )
+
+
+def _place(item: RawItem) -> str:
+    """The file of an item, or its name in a file that holds several."""
+    return item.name if item.sha256 or item.file is None else str(item.file)
 
 
 def _of(dataset: str, blocks: Iterator[Pairs]) -> Iterator[Pairs]:

@@ -212,6 +212,17 @@ def read_source(folder: Path) -> tuple[str, str]:
     return manifest["source"], hashlib.sha256(digests.encode()).hexdigest()
 
 
+def read_digests(folder: Path, root: Path) -> dict[Path, str]:
+    """The sha256 of each file of a manifest, by its real path.
+
+    Args:
+        folder: The folder that holds ``manifest.json``.
+        root: The data set's folder, as ``read_manifest`` finds it.
+    """
+    files = _load_manifest(folder / MANIFEST)["files"]
+    return {(root / entry["path"]).resolve(): entry["sha256"] for entry in files}
+
+
 def _load_manifest(path: Path) -> dict[str, Any]:
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))

@@ -70,6 +70,7 @@ def read_items(root: Path) -> list[RawItem]:
             group=path.parent.parent.name,
             split=None,
             read=partial(read_scan, path),
+            file=path,
         )
         for path in paths
     ]
@@ -188,7 +189,8 @@ def read_pairs(root: Path, *, min_distance: float = 10.0) -> list[RecordedPair]:
     Raises:
         FileNotFoundError: A sequence from 00 to 10 lacks its ``calib.txt`` or ``poses/NN.txt``, or
             none of the sequences has poses.
-        ValueError: ``Tr`` is missing or not rigid, so is a pose, or there are fewer poses than
+        OSError: As for ``read_items``.
+        ValueError: As for ``read_items``; ``Tr`` is missing or not rigid, so is a pose, or there are fewer poses than
             scans.
     """
     if not min_distance > 0:

@@ -1,5 +1,6 @@
 """ModelNet40 in each of its three official layouts."""
 
+import hashlib
 from collections.abc import Callable
 from fnmatch import fnmatchcase
 from functools import lru_cache, partial
@@ -129,7 +130,8 @@ def _list_category(category: Path) -> list[RawItem]:
         check_names(paths, rf"{category.name}_[0-9]{{4}}\.off", f"{category.name}_0001.off")
         split: Split = "train" if place.name == "train" else "test"
         items += [
-            RawItem(path.stem, category.name, split, partial(read_off, path)) for path in paths
+            RawItem(path.stem, category.name, split, partial(read_off, path), path)
+            for path in paths
         ]
     return items
 
@@ -155,10 +157,12 @@ def _list_hdf5_split(folder: Path, split: Split, names: list[str]) -> list[RawIt
     paths = [folder / Path(line).name for line in lines]  # official ones carry authors' folders
     check_names(paths, rf"ply_data_{split}[0-9]+\.h5", f"ply_data_{split}0.h5")
     for path in paths:
+        clouds, _ = _read_hdf5(path)
         for index, label in enumerate(_read_labels(path, len(names))):
             item_name = f"{path.stem}/{index:04d}"
             read = partial(_read_hdf5_cloud, path, index)
-            items.append(RawItem(item_name, names[label], split, read))
+            digest = hashlib.sha256(clouds[index, :, :3].tobytes()).hexdigest()
+            items.append(RawItem(item_name, names[label], split, read, path, digest))
     return items
 
 
@@ -236,7 +240,7 @@ def _list_resampled(folder: Path) -> list[RawItem]:
             check_names([path], rf"{category}_[0-9]{{4}}\.txt", f"{category}_0001.txt")
             if not path.is_file():
                 raise FileNotFoundError(f"{list_path} names {name}, but {path} is missing")
-            items.append(RawItem(name, category, split, partial(_read_resampled, path)))
+            items.append(RawItem(name, category, split, partial(_read_resampled, path), path))
     return items
 
 

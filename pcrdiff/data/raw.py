@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -41,6 +42,10 @@ class RawItem:
     split: Literal["train", "test"] | None
     """The data set's own split, where it has one."""
     read: Callable[[], "Mesh | Cloud | Oriented"]
+    file: Path | None = None
+    """What it is read from."""
+    sha256: str | None = None
+    """Of its own content, where the file holds other items too."""
 
 
 @dataclass(frozen=True)

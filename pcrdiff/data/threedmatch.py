@@ -43,6 +43,7 @@ def read_items(root: Path) -> list[RawItem]:
             group=path.parent.name,
             split=None,
             read=partial(read_ply, path),
+            file=path,
         )
         for path in paths
     ]
@@ -69,7 +70,8 @@ def read_pairs(root: Path) -> list[RecordedPair]:
     Raises:
         FileNotFoundError: No log at all, none in an evaluation folder, or a fragment that a log
             names has no file.
-        ValueError: A log is cut or malformed, or a pose is not rigid (see ``check_rigid``).
+        OSError: A folder cannot be listed.
+        ValueError: An evaluation folder has another name, a log is cut or malformed, or a pose is not rigid (see ``check_rigid``).
     """
     folders = [folder for folder in list_folders(root) if EVALUATION in folder.name.casefold()]
     check_names(folders, f".+{EVALUATION}", f"<scene>{EVALUATION}")

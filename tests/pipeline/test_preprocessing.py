@@ -3,14 +3,23 @@
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import torch
 
+from pcrdiff.data.acquisition import read_digests, write_manifest
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.registration import Pairs
 from pipeline.params import Scenario, read_params
-from pipeline.preprocessing import LICENCES, READERS, SYNTHETIC_LICENCE, Preprocessed, preprocess
+from pipeline.preprocessing import (
+    LICENCES,
+    READERS,
+    SYNTHETIC_LICENCE,
+    Preprocessed,
+    find_doubled,
+    preprocess,
+)
 from tests.pcrdiff.made_up_clouds import joined
 from tests.tiny import CATEGORIES, RAW, SCENARIO, instance, run_instance, tiny_params, write_params
 
@@ -165,3 +174,62 @@ def test_a_file_that_is_gone_since_is_refused(project: Path) -> None:
     (project / "boxes" / "bed" / "train" / "bed_0001.off").unlink()
     with pytest.raises(FileNotFoundError, match=r"bed_0001\.off, which is gone"):
         made()
+
+
+def doubled_below(root: Path, family: str, chosen: dict[str, list[int]]) -> list[dict[str, str]]:
+    """Names of the items whose content stands in several splits, of a folder just acquired."""
+    write_manifest(root, root, source="local")
+    digests = read_digests(root, root)
+    found = find_doubled(READERS[family](root), chosen, digests)
+    return [{split: item.name for split, item in by_split.items()} for by_split in found]
+
+
+def test_files_of_the_same_content_in_two_splits_are_found(tmp_path: Path) -> None:
+    folder = tmp_path / "sequences" / "00" / "velodyne"
+    folder.mkdir(parents=True)
+    for number, content in enumerate("abacca"):
+        (folder / f"{number:06d}.bin").write_text(content)
+    found = doubled_below(tmp_path, "kitti", {"train": [0, 1], "val": [3, 4], "test": [2, 5]})
+    assert found == [{"train": "00/000000", "test": "00/000002"}]
+    assert doubled_below(tmp_path, "kitti", {"train": [0, 2, 5], "val": [1], "test": [3, 4]}) == []
+
+
+def test_a_link_to_a_file_or_a_folder_has_the_content_of_what_it_leads_to(tmp_path: Path) -> None:
+    scene = tmp_path / "kitchen"
+    scene.mkdir()
+    (scene / "cloud_bin_0.ply").write_text("a")
+    (scene / "cloud_bin_1.ply").symlink_to("cloud_bin_0.ply")
+    (tmp_path / "study").symlink_to("kitchen")
+    chosen = {"train": [0], "val": [1], "test": [2]}
+    name = "cloud_bin_0"
+    assert doubled_below(tmp_path, "3dmatch", chosen) == [
+        {"train": f"kitchen/{name}", "val": "kitchen/cloud_bin_1", "test": f"study/{name}"}
+    ]
+
+
+def test_shapes_of_the_same_content_in_two_hdf5_files_are_found(tmp_path: Path) -> None:
+    clouds = np.random.default_rng(0).random((3, 5, 3), dtype=np.float32)
+    (tmp_path / "shape_names.txt").write_text("bed\n")
+    for split, data in (("train", clouds[:2]), ("test", clouds[1:])):
+        (tmp_path / f"{split}_files.txt").write_text(f"ply_data_{split}0.h5\n")
+        with h5py.File(tmp_path / f"ply_data_{split}0.h5", "w") as file:
+            file["data"], file["label"] = data, np.zeros((2, 1), np.uint8)
+    assert doubled_below(tmp_path, "modelnet40", {"train": [0, 1], "test": [2, 3]}) == [
+        {"train": "ply_data_train0/0001", "test": "ply_data_test0/0000"}
+    ]
+    assert doubled_below(tmp_path, "modelnet40", {"train": [0, 1], "test": [3]}) == []
+
+
+@pytest.mark.usefixtures("blank")
+def test_content_in_two_splits_is_said_with_both_files(capsys: pytest.CaptureFixture[str]) -> None:
+    run_instance(instance("acquire@modelnet40"))
+    prepared()
+    assert "same content" not in capsys.readouterr().err
+    bed, other = (Path(f"boxes/bed/{name}.off") for name in ("train/bed_0001", "test/bed_0004"))
+    other.write_bytes(bed.read_bytes())
+    run_instance(instance("acquire@modelnet40"))
+    prepared()
+    said = capsys.readouterr().err
+    assert said.count("modelnet40 has the same content in several splits, 1 times") == 1
+    assert f"{bed} in " in said
+    assert f"{other} in test" in said
