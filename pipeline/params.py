@@ -5,7 +5,6 @@ from math import radians
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
-import yaml
 from pydantic import Field, ValidationError, model_validator
 
 from pipeline.method_params import Methods
@@ -22,6 +21,7 @@ from pipeline.sections import (
     Section,
     WithOrWithout,
 )
+from pipeline.yaml_files import read_yaml
 
 T = TypeVar("T")
 Named = TypeVar("Named")
@@ -387,9 +387,7 @@ def read_params(path: Path = Path("params.yaml")) -> Params:
         ValueError: It is not YAML, or a key is missing, unknown or ill-typed; one sentence.
     """
     try:
-        return Params.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+        return Params.model_validate(read_yaml(path))
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the file"

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-import yaml
+from pipeline.yaml_files import read_yaml
 
 
 def profile_names(root: Path) -> list[str]:
@@ -53,10 +53,7 @@ def _is_a_profile(root: Path, params: Path) -> bool:
 
 def _read(path: Path) -> object:
     """Return the values of a YAML file; none if there is no file."""
-    try:
-        return yaml.safe_load(path.read_text()) if path.is_file() else {}
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+    return read_yaml(path) if path.is_file() else {}
 
 
 def _flat(values: object, prefix: str = "") -> dict[str, str]:

@@ -6,11 +6,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from pipeline.invocation import Pipeline
 from pipeline.records import Record
 from pipeline.tracking import Journal, content_md5, header, journals_folder
+from pipeline.yaml_files import read_yaml
 
 LARGEST_METRICS_FILE = 1_000_000  # bytes; a larger JSON file is data, not metrics
 
@@ -45,8 +44,8 @@ def read_lock(workspace: Path) -> dict[str, Any]:
     if not path.is_file():
         return {}
     try:
-        return dict((yaml.safe_load(path.read_text()) or {}).get("stages") or {})
-    except (yaml.YAMLError, AttributeError, TypeError, ValueError) as error:
+        return dict((read_yaml(path) or {}).get("stages") or {})
+    except (AttributeError, TypeError, ValueError) as error:
         raise ValueError(f"{path} is not a dvc.lock: {error}") from error
 
 

@@ -8,7 +8,9 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import yaml
+from ruamel.yaml import YAML
+
+from pipeline.yaml_files import read_yaml
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 VARIABLE = re.compile(r"\$\{([^}]+)\}")
@@ -57,14 +59,19 @@ class Instance:
 
 def read_templates() -> dict[str, Any]:
     """The stages of dvc.yaml as they are written."""
-    templates: dict[str, Any] = yaml.safe_load((REPOSITORY / "dvc.yaml").read_text())["stages"]
+    templates: dict[str, Any] = read_yaml(REPOSITORY / "dvc.yaml")["stages"]
     return templates
 
 
 def read_repository_params() -> dict[str, Any]:
     """The plain content of params.yaml."""
-    params: dict[str, Any] = yaml.safe_load((REPOSITORY / "params.yaml").read_text())
+    params: dict[str, Any] = read_yaml(REPOSITORY / "params.yaml")
     return params
+
+
+def write_yaml(path: Path, values: Mapping[str, Any]) -> None:
+    """Write a file as DVC does."""
+    YAML().dump(values, path)
 
 
 def expand(params: Mapping[str, Any]) -> list[Instance]:

@@ -76,6 +76,13 @@ class RecordingDict(dict[str, Any]):
         """As dict has it."""
         return self[key] if key in self else default  # noqa: SIM401  dict's own notes nothing
 
+    def __or__(self, other: Any) -> "RecordingDict":  # noqa: ANN401  as dict has it
+        """With the entries of ``other``, which the program has set itself."""
+        content = {key: dict.__getitem__(self, key) for key in dict.keys(self)} | other
+        return RecordingDict(
+            content, self._path, self._reads, self._fixed, self._replaced | set(other)
+        )
+
     def __iter__(self) -> Iterator[str]:
         if not self._fixed or not len(self):
             self._reads.add(self._path)

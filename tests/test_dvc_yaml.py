@@ -10,9 +10,10 @@ from unittest.mock import MagicMock
 
 import grimp
 import pytest
-import yaml
 from dvc.fs import localfs
 from dvc.ignore import DvcIgnoreFilter
+from ruamel.yaml import YAML
+from ruamel.yaml.nodes import CollectionNode, Node
 
 from pipeline.params import read_params
 from pipeline.tracking import content_md5
@@ -44,6 +45,7 @@ GLUE = {
     "pipeline.restored": "tells MLflow what DVC took from its cache",
     "pipeline.stage": "says how a stage ended",
     "pipeline.tracking": "writes journals",
+    "pipeline.yaml_files": "reads params.yaml for pipeline.params",
 }
 """Modules that change no result, so that a change of theirs need not re-run a stage; and why."""
 WIRING = {
@@ -192,7 +194,7 @@ def test_every_param_that_is_declared_is_read_or_names_a_path(
     reads: dict[str, Reads], template: str
 ) -> None:
     instances = [instance for instance in TINY.values() if instance.template == template]
-    written = yaml.safe_dump(TEMPLATES[template])
+    written = str(TEMPLATES[template])
     for place in range(len(instances[0].content["params"])):
         declared = {instance.name: instance.content["params"][place] for instance in instances}
         is_read = any(lies_under(r, key) for name, key in declared.items() for r in reads[name])
@@ -287,9 +289,9 @@ def test_no_two_stages_write_one_path() -> None:
 # params.yaml and DVC's ``-S``.
 
 
-def flow_style_nodes(node: yaml.Node | None) -> list[yaml.Node]:
+def flow_style_nodes(node: Node | None) -> list[Node]:
     """Lists and mappings written ``[a, b]`` or ``{a: b}``; empty ones are fine."""
-    if not isinstance(node, yaml.CollectionNode):
+    if not isinstance(node, CollectionNode):
         return []
     children = [
         child for pair in node.value for child in (pair if isinstance(pair, tuple) else [pair])
@@ -302,12 +304,12 @@ def flow_style_nodes(node: yaml.Node | None) -> list[yaml.Node]:
     "name", ["params.yaml", "profiles/quick.yaml", "profiles/cpu.yaml", "profiles/paper.yaml"]
 )
 def test_lists_are_in_block_style(name: str) -> None:
-    node = yaml.compose((REPOSITORY / name).read_text())
+    node = YAML(pure=True).compose(REPOSITORY / name)
     assert [str(found.start_mark) for found in flow_style_nodes(node)] == []
 
 
 def test_flow_style_is_found_where_there_is_some() -> None:
-    assert len(flow_style_nodes(yaml.compose("a: [1]\nb: []\nc: {d: {}}\n"))) == 2
+    assert len(flow_style_nodes(YAML(pure=True).compose("a: [1]\nb: []\nc: {d: {}}\n"))) == 2
 
 
 def test_setting_a_param_by_dvc_changes_its_line_alone(tmp_path: Path) -> None:

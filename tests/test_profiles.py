@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 from pipeline.params import read_params
 from pipeline.reporting.paper import METHODS, UNSEEN_OBJECTS
+from pipeline.yaml_files import read_yaml
 from tests.described import REPOSITORY
 
 PROFILES = ("quick", "cpu", "paper")
@@ -29,7 +29,7 @@ def differences(ours: Any, theirs: Any, path: str = "") -> list[str]:  # noqa: A
 
 
 def load(path: Path) -> dict[str, Any]:
-    loaded: dict[str, Any] = yaml.safe_load(path.read_text())
+    loaded: dict[str, Any] = read_yaml(path)
     return loaded
 
 

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from pydantic import ValidationError
 
 from pipeline.params import read_params
-from tests.described import read_repository_params
+from tests.described import read_repository_params, write_yaml
 
 Change = Callable[[dict[str, Any]], Any]
 
@@ -20,7 +19,7 @@ def sentence(folder: Path, change: Change) -> str:
     params = read_repository_params()
     change(params)
     path = folder / "params.yaml"
-    path.write_text(yaml.safe_dump(params))
+    write_yaml(path, params)
     with pytest.raises(ValueError, match="params") as refused:
         read_params(path)
     said = str(refused.value)

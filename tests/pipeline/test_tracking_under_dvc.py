@@ -6,21 +6,21 @@ import sys
 from pathlib import Path
 
 import pytest
-import yaml
 
 from pipeline.invocation import VARIABLE
 from pipeline.mlflow_sync import Store, open_store
 from pipeline.records import shipped_records
 from pipeline.tracking import content_md5
+from pipeline.yaml_files import read_yaml
 
 REPOSITORY = Path(__file__).parents[2]
 STAGE = """
 import json, sys
 from pathlib import Path
-import yaml
 from pipeline.tracking import journal
+from pipeline.yaml_files import read_yaml
 
-params = yaml.safe_load(Path("params.yaml").read_text())
+params = read_yaml(Path("params.yaml"))
 name, source, out = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
 with journal(params={name: params[name]}, inputs=[source]) as notes:
     out.parent.mkdir(exist_ok=True)
@@ -112,7 +112,7 @@ def test_every_stage_of_every_pipeline_run_is_in_mlflow(project: Path) -> None:
     dvc("repro", "report")
     everything = {"train@a", "train@b", "evaluate", "report"}
     assert stages_of_pipelines(project) == [dict.fromkeys(everything, False)]
-    lock = yaml.safe_load((project / "dvc.lock").read_text())
+    lock = read_yaml(project / "dvc.lock")
     assert lock["stages"]["train@a"]["deps"][0]["md5"] == content_md5(project / "raw")
     assert {record.status for record in shipped_records(project)} == {"FINISHED"}
 

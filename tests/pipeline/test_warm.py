@@ -27,11 +27,11 @@ stages:
 TELL = """\
 import json, os, sys
 from pathlib import Path
-import yaml
+from ruamel.yaml import YAML
 import stages.words
 
 loaded = "torch" in sys.modules
-if yaml.safe_load(Path("params.yaml").read_text())["fail"]:
+if YAML(typ="safe").load(Path("params.yaml"))["fail"]:
     sys.exit("tell: it was told to fail")
 told = {
     "argv": sys.argv[1:], "stage": os.environ["DVC_STAGE"], "folder": os.getcwd(),
