@@ -1,19 +1,24 @@
 """What ``pcrdiff doctor`` looks at: each check is a function from the project to findings."""
 
+import os
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from subprocess import DEVNULL
 from typing import Literal
 
 from pipeline.housekeeping import dead_experiments
-from pipeline.invocation import ask_git, check_experiments
+from pipeline.invocation import SHELL, ask_git, check_experiments
 
 Level = Literal["ok", "warning", "error"]
 LEAST_FREE_GB = 2.0
+PROBE = 'env "PATH=$DVC_ROOT/.venv/bin:$PATH" printenv PATH'
+"""Begins as every command of dvc.yaml does."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +109,26 @@ def check_code_in_git(root: Path) -> Iterator[Finding]:
         yield Finding("ok", "all Python files are in git")
 
 
+def check_shell(root: Path) -> Iterator[Finding]:
+    """Plain ``dvc`` runs commands with ``$SHELL``, which has to understand dvc.yaml's."""
+    shell = os.environ.get("SHELL") or SHELL
+    where = {**os.environ, "DVC_ROOT": str(root)}
+    words = [shell, "-c", PROBE]
+    try:
+        done = subprocess.run(
+            words, env=where, stdin=DEVNULL, capture_output=True, text=True, timeout=10, check=False
+        )
+        said, printed = done.stderr or done.stdout, done.stdout
+    except (OSError, subprocess.TimeoutExpired) as error:
+        said, printed = str(error), ""
+    if printed.rstrip("\n").endswith(f"{root}/.venv/bin:{where.get('PATH', '')}"):
+        yield Finding("ok", f"{shell} understands the commands of dvc.yaml")
+        return
+    cannot = f"`dvc` runs commands with $SHELL, and {shell} cannot run those of dvc.yaml"
+    remedy = f"`export SHELL={SHELL}`, or take `pcrdiff repro`"
+    yield Finding("error", f"{cannot} ({' '.join(said.split())}): {remedy}")
+
+
 def check_dead_experiments(root: Path) -> Iterator[Finding]:
     """No folders of killed experiments."""
     dead = list(dead_experiments(root))
@@ -167,6 +192,7 @@ CHECKS: tuple[Check, ...] = (
     check_open3d,
     check_params,
     check_code_in_git,
+    check_shell,
     check_dead_experiments,
     check_mlflow,
     check_disk,

@@ -76,6 +76,22 @@ def test_a_shallow_clone_is_told_what_to_fetch(
     check_experiments(tmp_path / "shallow")
 
 
+def test_dvc_is_given_a_shell_that_can(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shells: list[str] = []
+
+    def run(*_: object, env: dict[str, str], **_how: object) -> subprocess.CompletedProcess[bytes]:
+        shells.append(env["SHELL"])
+        return subprocess.CompletedProcess([], 1)
+
+    monkeypatch.setenv("SHELL", "/usr/sbin/nologin")
+    monkeypatch.setenv(real.VARIABLE, str(project))
+    monkeypatch.setattr(real, "check_experiments", lambda _: None)
+    monkeypatch.setattr("pipeline.real.subprocess.run", run)
+    with pytest.raises(ValueError, match="`dvc exp run` failed"):
+        run_real(project)
+    assert set(shells) == {"/bin/sh"}
+
+
 def test_a_project_that_is_in_no_repository_is_refused(
     project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
