@@ -10,10 +10,13 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from subprocess import DEVNULL
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pipeline.housekeeping import dead_experiments
 from pipeline.invocation import SHELL, ask_git, check_experiments
+
+if TYPE_CHECKING:
+    from packaging.requirements import Requirement
 
 Level = Literal["ok", "warning", "error"]
 LEAST_FREE_GB = 2.0
@@ -63,9 +66,13 @@ def check_packages(_root: Path) -> Iterator[Finding]:
 def check_lock(root: Path) -> Iterator[Finding]:
     """The installed versions against each ``requirements/*.txt`` that pins them."""
     for path in sorted((root / "requirements").glob("*.txt")):
-        pinned = re.findall(r"^([A-Za-z0-9_.-]+)==([^\s;\\]+)", path.read_text(), re.MULTILINE)
-        have = {name: _version(name) for name, _ in pinned}
-        other = [f"{n} {have[n]} (locked {v})" for n, v in pinned if have[n] not in (None, v)]
+        pinned = list(_pinned(path))
+        have = {pin.name: _version(pin.name) for pin in pinned}
+        other = [
+            f"{pin.name} {version} (locked {str(pin.specifier).removeprefix('==')})"
+            for pin in pinned
+            if (version := have[pin.name]) and not pin.specifier.contains(version, prereleases=True)
+        ]
         if other:
             named = f"{', '.join(other[:5])}{', ...' if len(other) > 5 else ''}"
             sentence = f"{len(other)} of {len(pinned)} packages are not as in {path.name}: {named}"
@@ -177,6 +184,18 @@ def check_weights(root: Path) -> Iterator[Finding]:
             yield Finding("error", f"{path.relative_to(root)} cannot be read: {error}")
     if not bad:
         yield Finding("ok", f"{len(paths)} weights files are readable")
+
+
+def _pinned(path: Path) -> Iterator["Requirement"]:
+    """Yield the pins that are meant for this Python on this machine."""
+    from packaging.requirements import Requirement
+
+    for line in path.read_text().replace("\\\n", " ").splitlines():
+        text = re.split(r"\s#|\s--hash", line)[0].strip()
+        if text and not text.startswith(("#", "-")):
+            pin = Requirement(text)
+            if pin.marker is None or pin.marker.evaluate():
+                yield pin
 
 
 def _version(package: str) -> str | None:

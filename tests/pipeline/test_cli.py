@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -265,6 +266,26 @@ def test_doctor_names_torn_weights_and_other_versions(project: Path) -> None:
     (finding,) = check_lock(project)
     assert finding.level == "warning"
     assert "(locked 0.0.1)" in finding.sentence
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        "typer==0.0.1 ; python_full_version < '3'",
+        "typer==0.0.1 ; sys_platform == 'amiga' \\\n    --hash=sha256:00",
+        "typer==0.0.1 ; platform_machine == 'pdp11' and python_version >= '3'",
+        "# typer==0.0.1",
+        "-r other.txt",
+        "no-such-package==1",
+    ],
+)
+def test_a_pin_for_another_machine_is_no_wrong_version(project: Path, other: str) -> None:
+    mine = f"typer=={version('typer')} ; python_version > '3'  # via pcrdiff\n"
+    (project / "requirements").mkdir()
+    for text in (f"{mine}{other}\n", f"{other}\n{mine}"):
+        (project / "requirements" / "lock.txt").write_text(text)
+        (finding,) = check_lock(project)
+        assert finding.level == "ok", finding.sentence
 
 
 SHELLS = {
