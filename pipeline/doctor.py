@@ -1,19 +1,27 @@
 """What ``pcrdiff doctor`` looks at: each check is a function from the project to findings."""
 
+import os
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Literal
+from subprocess import DEVNULL
+from typing import TYPE_CHECKING, Literal
 
 from pipeline.housekeeping import dead_experiments
-from pipeline.invocation import ask_git, check_experiments
+from pipeline.invocation import SHELL, ask_git, check_experiments
+
+if TYPE_CHECKING:
+    from packaging.requirements import Requirement
 
 Level = Literal["ok", "warning", "error"]
 LEAST_FREE_GB = 2.0
+PROBE = 'env "PATH=$DVC_ROOT/.venv/bin:$PATH" printenv PATH'
+"""Begins as every command of dvc.yaml does."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +66,13 @@ def check_packages(_root: Path) -> Iterator[Finding]:
 def check_lock(root: Path) -> Iterator[Finding]:
     """The installed versions against each ``requirements/*.txt`` that pins them."""
     for path in sorted((root / "requirements").glob("*.txt")):
-        pinned = re.findall(r"^([A-Za-z0-9_.-]+)==([^\s;\\]+)", path.read_text(), re.MULTILINE)
-        have = {name: _version(name) for name, _ in pinned}
-        other = [f"{n} {have[n]} (locked {v})" for n, v in pinned if have[n] not in (None, v)]
+        pinned = list(_pinned(path))
+        have = {pin.name: _version(pin.name) for pin in pinned}
+        other = [
+            f"{pin.name} {version} (locked {str(pin.specifier).removeprefix('==')})"
+            for pin in pinned
+            if (version := have[pin.name]) and not pin.specifier.contains(version, prereleases=True)
+        ]
         if other:
             named = f"{', '.join(other[:5])}{', ...' if len(other) > 5 else ''}"
             sentence = f"{len(other)} of {len(pinned)} packages are not as in {path.name}: {named}"
@@ -102,6 +114,26 @@ def check_code_in_git(root: Path) -> Iterator[Finding]:
         yield Finding("warning", f"{len(new)} Python files are not in git: {named}; {advice}")
     else:
         yield Finding("ok", "all Python files are in git")
+
+
+def check_shell(root: Path) -> Iterator[Finding]:
+    """Plain ``dvc`` runs commands with ``$SHELL``, which has to understand dvc.yaml's."""
+    shell = os.environ.get("SHELL") or SHELL
+    where = {**os.environ, "DVC_ROOT": str(root)}
+    words = [shell, "-c", PROBE]
+    try:
+        done = subprocess.run(
+            words, env=where, stdin=DEVNULL, capture_output=True, text=True, timeout=10, check=False
+        )
+        said, printed = done.stderr or done.stdout, done.stdout
+    except (OSError, subprocess.TimeoutExpired) as error:
+        said, printed = str(error), ""
+    if printed.rstrip("\n").endswith(f"{root}/.venv/bin:{where.get('PATH', '')}"):
+        yield Finding("ok", f"{shell} understands the commands of dvc.yaml")
+        return
+    cannot = f"`dvc` runs commands with $SHELL, and {shell} cannot run those of dvc.yaml"
+    remedy = f"`export SHELL={SHELL}`, or take `pcrdiff repro`"
+    yield Finding("error", f"{cannot} ({' '.join(said.split())}): {remedy}")
 
 
 def check_dead_experiments(root: Path) -> Iterator[Finding]:
@@ -155,6 +187,18 @@ def check_weights(root: Path) -> Iterator[Finding]:
         yield Finding("ok", f"{len(paths)} weights files are readable")
 
 
+def _pinned(path: Path) -> Iterator["Requirement"]:
+    """Yield the pins that are meant for this Python on this machine."""
+    from packaging.requirements import Requirement
+
+    for line in path.read_text().replace("\\\n", " ").splitlines():
+        text = re.split(r"\s#|\s--hash", line)[0].strip()
+        if text and not text.startswith(("#", "-")):
+            pin = Requirement(text)
+            if pin.marker is None or pin.marker.evaluate():
+                yield pin
+
+
 def _version(package: str) -> str | None:
     try:
         return metadata.version(package)
@@ -168,6 +212,7 @@ CHECKS: tuple[Check, ...] = (
     check_open3d,
     check_params,
     check_code_in_git,
+    check_shell,
     check_dead_experiments,
     check_mlflow,
     check_disk,

@@ -12,6 +12,8 @@ from pathlib import Path
 VARIABLE = "PCRDIFF_INVOCATION"
 """A launcher of several ``dvc repro -s`` sets this to ``process_identity(os.getpid())``."""
 
+SHELL = "/bin/sh"
+"""What our own verbs let DVC run commands with; by itself it takes ``$SHELL``, be it nologin."""
 NOTHING_THERE = ("not a git repository (or any", "ambiguous argument 'HEAD'", "bad revision 'HEAD'")
 """How git's answer begins where there is no repository, or none with a commit."""
 

@@ -26,7 +26,7 @@ from dvc.stage.serialize import to_lockfile
 from dvc.utils.serialize import dumps_yaml, parse_yaml
 
 from pipeline.artifacts import write_atomically
-from pipeline.invocation import VARIABLE, process_identity
+from pipeline.invocation import SHELL, VARIABLE, process_identity
 from pipeline.planning import named, stage_name
 from pipeline.warm import commands_in_forks, preload
 
@@ -77,6 +77,7 @@ def repro(
         ValueError: A stage failed (those beside it were let finish), no such stage, or no project.
     """
     os.environ[VARIABLE] = process_identity(os.getpid())
+    os.environ["SHELL"] = SHELL
     try:
         repo = Repo(str(root), _wait_for_lock=True)
         graph = wanted_graph(repo.index.graph, targets)

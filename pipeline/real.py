@@ -9,7 +9,7 @@ from pathlib import Path
 from ruamel.yaml import YAML
 
 from pipeline.artifacts import write_atomically
-from pipeline.invocation import check_experiments
+from pipeline.invocation import SHELL, check_experiments
 
 NAME = "real"
 VARIABLE = "PCRDIFF_REAL_DATA"
@@ -85,7 +85,8 @@ def _fetch(root: Path) -> list[Path]:
 def _dvc(root: Path, *words: str, check: bool = True) -> None:
     quiet = None if check else subprocess.DEVNULL
     command = [sys.executable, "-m", "dvc", *words]
-    code = subprocess.run(command, cwd=root, stderr=quiet, check=False).returncode
+    where = {**os.environ, "SHELL": SHELL}
+    code = subprocess.run(command, cwd=root, env=where, stderr=quiet, check=False).returncode
     if check and code:
         raise ValueError(f"`dvc {' '.join(words[:2])}` failed with exit code {code}, see above")
 

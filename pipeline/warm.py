@@ -56,9 +56,12 @@ def commands_in_forks() -> Iterator[None]:
 
 def stage_words(command: str) -> list[str] | None:
     """``[module, *arguments]`` of a command that is one `python -m stages.…`; None of any other."""
-    words = shlex.split(command)
-    if words and words[0] == "PATH=$DVC_ROOT/.venv/bin:$PATH":
-        del words[0]
+    try:
+        words = shlex.split(command)
+    except ValueError:
+        return None  # a quote is missing, as the shell will say
+    if words[:2] == ["env", "PATH=$DVC_ROOT/.venv/bin:$PATH"]:
+        del words[:2]
     is_ours = words[:2] == ["python", "-m"] and "".join(words[2:3]).startswith("stages.")
     plain = not set(";&|<>`$") & set("".join(words))
     return words[2:] if is_ours and plain else None

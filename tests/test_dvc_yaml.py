@@ -2,8 +2,10 @@
 
 import copy
 import importlib
+import os
 import re
 import shutil
+import subprocess
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from unittest.mock import MagicMock
@@ -279,6 +281,34 @@ def test_a_command_runs_the_file_it_depends_on() -> None:
     for instance in INSTANCES:
         assert " python -m stages." in f" {instance.content['cmd']}"
         assert f"{instance.module.replace('.', '/')}.py" in instance.deps
+
+
+@pytest.mark.parametrize("name", by_name(INSTANCES))
+def test_a_command_has_nothing_that_two_shells_read_differently(name: str) -> None:
+    begin = re.escape('env "PATH=$DVC_ROOT/.venv/bin:$PATH" python -m stages.')
+    assert re.fullmatch(begin + r"[\w ./=,+-]+", by_name(INSTANCES)[name].content["cmd"].strip())
+
+
+SHELLS = {"sh": [], "bash": [], "dash": [], "zsh": [], "ksh": [], "tcsh": ["-f"], "fish": []}
+
+
+@pytest.mark.parametrize("shell", [name for name in SHELLS if shutil.which(name)])
+def test_a_command_runs_the_python_of_the_project_in_every_shell_here(
+    tmp_path: Path, shell: str
+) -> None:
+    bin_folder = tmp_path / "a b's" / ".venv" / "bin"
+    bin_folder.mkdir(parents=True)
+    (bin_folder / "python").write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
+    (bin_folder / "python").chmod(0o755)
+    instance = INSTANCES[0]
+    done = subprocess.run(
+        [shell, *SHELLS[shell], "-c", instance.content["cmd"]],
+        env={**os.environ, "DVC_ROOT": str(tmp_path / "a b's"), "HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines() == ["-m", instance.module, *instance.argv]
 
 
 def test_no_two_stages_write_one_path() -> None:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,15 @@ from filelock import FileLock
 from typer.testing import CliRunner, Result
 
 from pipeline import cli, planning
-from pipeline.doctor import CHECKS, Finding, check_code_in_git, check_lock, check_weights, examine
+from pipeline.doctor import (
+    CHECKS,
+    Finding,
+    check_code_in_git,
+    check_lock,
+    check_shell,
+    check_weights,
+    examine,
+)
 from pipeline.housekeeping import SETTLING_SECONDS
 from pipeline.invocation import VARIABLE
 from pipeline.tracking import journals_folder
@@ -272,6 +281,61 @@ def test_doctor_names_torn_weights_and_other_versions(project: Path) -> None:
     (finding,) = check_lock(project)
     assert finding.level == "warning"
     assert "(locked 0.0.1)" in finding.sentence
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        "typer==0.0.1 ; python_full_version < '3'",
+        "typer==0.0.1 ; sys_platform == 'amiga' \\\n    --hash=sha256:00",
+        "typer==0.0.1 ; platform_machine == 'pdp11' and python_version >= '3'",
+        "# typer==0.0.1",
+        "-r other.txt",
+        "no-such-package==1",
+    ],
+)
+def test_a_pin_for_another_machine_is_no_wrong_version(project: Path, other: str) -> None:
+    mine = f"typer=={version('typer')} ; python_version > '3'  # via pcrdiff\n"
+    (project / "requirements").mkdir()
+    for text in (f"{mine}{other}\n", f"{other}\n{mine}"):
+        (project / "requirements" / "lock.txt").write_text(text)
+        (finding,) = check_lock(project)
+        assert finding.level == "ok", finding.sentence
+
+
+SHELLS = {
+    "nologin": "#!/bin/sh\necho This account is currently not available.\nexit 1\n",
+    "one that reads no $": "#!/bin/sh\nprintf '%s\\n' '$DVC_ROOT/.venv/bin:$PATH'\n",
+    "one that is silent": "#!/bin/sh\nexit 0\n",
+}
+
+
+@pytest.mark.parametrize("kind", [*SHELLS, "one that is not there"])
+def test_doctor_names_a_shell_that_dvc_cannot_use(
+    project: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    shell = project / "shell"
+    if kind in SHELLS:
+        shell.write_text(SHELLS[kind])
+        shell.chmod(0o755)
+    monkeypatch.setenv("SHELL", str(shell))
+    (finding,) = check_shell(project)
+    assert finding.level == "error"
+    assert f"{shell} cannot run" in finding.sentence
+    assert "`export SHELL=/bin/sh`" in finding.sentence
+    if kind == "nologin":
+        assert "not available" in finding.sentence
+
+
+@pytest.mark.parametrize("shell", [None, "/bin/sh", "/bin/bash"])
+def test_doctor_is_content_with_a_shell_that_can(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell: str | None
+) -> None:
+    monkeypatch.delenv("SHELL", raising=False)
+    if shell:
+        monkeypatch.setenv("SHELL", shell)
+    (finding,) = check_shell(tmp_path / "a b")
+    assert finding.level == "ok"
 
 
 def test_every_check_of_doctor_says_something(

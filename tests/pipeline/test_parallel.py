@@ -164,6 +164,14 @@ def test_a_failure_is_told_and_what_ran_beside_it_is_kept(
     assert "make" not in go(project)
 
 
+@pytest.mark.parametrize("shell", ["/bin/false", "/nowhere/tcsh"])
+def test_whatever_shell_the_user_has_stages_run(
+    project: Path, monkeypatch: pytest.MonkeyPatch, shell: str
+) -> None:
+    monkeypatch.setenv("SHELL", shell)
+    assert sorted(go(project, "use@b")) == ["make", "use@b"]
+
+
 def test_an_unknown_stage_is_one_sentence(project: Path) -> None:
     with pytest.raises(ValueError, match="no stage is called 'nonsense'"):
         repro(project, ["nonsense"], jobs=1, tell=lambda _: None)

@@ -29,7 +29,7 @@ def project(tmp_path: Path) -> Path:
     """A project with two commits, and the params of `make real`."""
     folder = tmp_path / "project"
     (folder / "profiles").mkdir(parents=True)
-    (folder / "profiles" / "real.yaml").write_text("seed: 1\n")
+    (folder / "profiles" / "real.yaml").write_text("acquire: {}\n")
     (folder / "params.yaml").write_text("seed: 0\n")
     git(folder, "init", "--quiet")
     for message in ("start", "more"):
@@ -74,6 +74,22 @@ def test_a_shallow_clone_is_told_what_to_fetch(
     assert "`git fetch --unshallow`" in refusal(tmp_path / "shallow", monkeypatch)
     git(tmp_path / "shallow", "fetch", "--unshallow")
     check_experiments(tmp_path / "shallow")
+
+
+def test_dvc_is_given_a_shell_that_can(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shells: list[str] = []
+
+    def run(*_: object, env: dict[str, str], **_how: object) -> subprocess.CompletedProcess[bytes]:
+        shells.append(env["SHELL"])
+        return subprocess.CompletedProcess([], 1)
+
+    monkeypatch.setenv("SHELL", "/usr/sbin/nologin")
+    monkeypatch.setenv(real.VARIABLE, str(project))
+    monkeypatch.setattr(real, "check_experiments", lambda _: None)
+    monkeypatch.setattr("pipeline.real.subprocess.run", run)
+    with pytest.raises(ValueError, match="`dvc exp run` failed"):
+        run_real(project)
+    assert set(shells) == {"/bin/sh"}
 
 
 def test_a_project_that_is_in_no_repository_is_refused(

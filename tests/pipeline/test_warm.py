@@ -16,11 +16,11 @@ stages:
   warm:
     foreach: [a, b]
     do:
-      cmd: PATH=$DVC_ROOT/.venv/bin:$PATH python -m stages.tell --out told-${item}
+      cmd: env "PATH=$DVC_ROOT/.venv/bin:$PATH" python -m stages.tell --out told-${item}
       params: [fail]
       outs: ["told-${item}"]
   cold:
-    cmd: PATH=$DVC_ROOT/.venv/bin:$PATH python -m stages.tell --out told-cold
+    cmd: env "PATH=$DVC_ROOT/.venv/bin:$PATH" python -m stages.tell --out told-cold
     meta: {alone: true}
     outs: [told-cold]
 """
@@ -98,7 +98,10 @@ def test_a_stage_that_fails_in_a_fork_fails_with_its_sentence(project: Path) -> 
     ("written", "words"),
     [
         ("python -m stages.train --a b", ["stages.train", "--a", "b"]),
-        ("PATH=$DVC_ROOT/.venv/bin:$PATH python -m stages.time", ["stages.time"]),
+        ('env "PATH=$DVC_ROOT/.venv/bin:$PATH" python -m stages.time', ["stages.time"]),
+        ('env "PATH=/elsewhere:$PATH" python -m stages.time', None),
+        ("env python -m stages.time", None),
+        ("python -m stages.train --method it's", None),
         ("cp a b", None),
         ("python -m other.train", None),
         ("python -m", None),
