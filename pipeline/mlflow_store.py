@@ -2,6 +2,8 @@
 
 import os
 import re
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import unquote
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
 KEYWORDS = ("databricks", "databricks-uc", "uc")
 """What MLflow takes for a store by its name alone; any other bare word is a folder."""
 SERVERS = ("http", "https", *KEYWORDS)
+PATIENCE_SECONDS = 20.0  # how long another writer may keep a SQLite file, as MLflow has it
 
 
 def tracking_uri(root: Path) -> str:
@@ -60,6 +63,65 @@ def artifacts_folder(uri: str) -> str | None:
     """Return where artifacts go: ``mlruns`` beside a SQLite file; a server decides by itself."""
     database = database_file(uri)
     return (database.parent / "mlruns").as_uri() if database else None
+
+
+def check_database(path: Path) -> None:
+    """Refuse a SQLite file that MLflow cannot write, before it tries that for minutes.
+
+    Raises:
+        OSError: The file or its folder may not be written, or cannot be looked at.
+        ValueError: It is no file, lies below one, is damaged, locked, or of a newer MLflow.
+    """
+    if path.is_symlink() and not path.exists():
+        raise ValueError(f"MLflow's database {path} is a link to a file that is not there")
+    if path.exists() and not path.is_file():
+        kind = "a folder" if path.is_dir() else "not a file"
+        raise ValueError(f"MLflow's database {path} is {kind}; needed is a file")
+    above = next(folder for folder in path.parents if folder.exists())
+    if not above.is_dir():
+        raise ValueError(f"MLflow's database {path} lies below {above}, which is not a folder")
+    for place in (above, path):
+        if place.exists() and not os.access(place, os.W_OK):
+            raise PermissionError(f"MLflow's database {path} needs {place} to be writable")
+    if path.exists():
+        _check_schema(path, _revision(path))
+
+
+def _revision(path: Path) -> str | None:
+    """Return which of MLflow's schemas a sound database has; None before there is one."""
+    try:
+        with closing(sqlite3.connect(path, PATIENCE_SECONDS, isolation_level=None)) as database:
+            database.execute("BEGIN IMMEDIATE")
+            database.execute("ROLLBACK")
+            (found,) = database.execute("PRAGMA quick_check(1)").fetchone()
+            if found != "ok":
+                raise ValueError(f"MLflow's database {path} is damaged: {' '.join(found.split())}")
+            if not database.execute(
+                "SELECT 1 FROM sqlite_master WHERE name = 'alembic_version'"
+            ).fetchone():
+                return None
+            row = database.execute("SELECT version_num FROM alembic_version").fetchone()
+    except sqlite3.Error as error:
+        raise ValueError(f"MLflow's database {path} cannot be used: {error}") from error
+    return str(row[0]) if row else None
+
+
+def _check_schema(path: Path, revision: str | None) -> None:
+    """Refuse a schema that is not among those the installed MLflow knows."""
+    import mlflow
+    from alembic.script import ScriptDirectory
+    from alembic.util import CommandError
+
+    if revision is None:
+        return
+    scripts = ScriptDirectory(str(Path(mlflow.__file__).parent / "store" / "db_migrations"))
+    try:
+        scripts.get_revision(revision)
+    except CommandError as error:
+        here = f"the installed MLflow {mlflow.__version__} does not know"
+        raise ValueError(
+            f"MLflow's database {path} has schema {revision}, which {here}: a newer one wrote it"
+        ) from error
 
 
 def public(uri: str) -> str:

@@ -16,6 +16,7 @@ from filelock import FileLock, Timeout
 from pipeline.invocation import Pipeline, current_pipeline, is_running, project_root
 from pipeline.mlflow_store import (
     artifacts_folder,
+    check_database,
     database_file,
     public,
     tracking_uri,
@@ -33,6 +34,7 @@ T = TypeVar("T")
 
 EXPERIMENT = "pcrdiff"
 LOCK_SECONDS = 120.0
+DATABASE_ATTEMPTS = 4  # MLflow's own 10 take 100 s; it has no variable for them
 BATCH = 1000  # metrics MLflow takes in one request
 PARAMS_BATCH = 100  # params or tags MLflow takes in one request
 LONGEST_VALUE = 5000  # characters of a param or tag MLflow stores everywhere
@@ -111,11 +113,17 @@ def open_store(root: Path) -> "tuple[MlflowClient, str]":
     """
     for name, value in DEFAULTS.items():
         os.environ.setdefault(name, value)
+    uri = tracking_uri(root)
+    database = database_file(uri)
+    if database:
+        check_database(database)
     from mlflow import MlflowClient
+    from mlflow.store.db import utils as engines
 
+    engines.MAX_RETRY_COUNT = DATABASE_ATTEMPTS
     logging.getLogger("mlflow").setLevel(logging.WARNING)
     logging.getLogger("alembic").setLevel(logging.WARNING)
-    uri = tracking_uri(root)
+    logging.getLogger(engines.__name__).setLevel(logging.CRITICAL)  # it raises what it logs
     with _store_lock(root, uri):
         client = MlflowClient(tracking_uri=uri, registry_uri=uri)
         experiment = client.get_experiment_by_name(EXPERIMENT)

@@ -525,3 +525,25 @@ def check_odd_folder(tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch
     beside = {path.name for path in root.parents[1].iterdir()}
     assert beside == {root.parent.name, "copy"}, "something was written beside the project"
     assert [finding.level for finding in check_mlflow(root)] == ["ok"]
+
+
+def test_a_database_that_is_a_folder_costs_no_time_and_no_journal(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{project}")
+    run_stage(monkeypatch, "train@toy")
+    report = sync(project)
+    assert (report.shipped, report.waiting) == (0, 1)
+    assert f"{project} is a folder; needed is a file" in report.problems[0]
+
+
+def test_a_database_that_cannot_be_opened_is_given_up_within_seconds(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{project}")
+    monkeypatch.setattr("pipeline.mlflow_sync.check_database", lambda _: None)
+    naps: list[float] = []
+    monkeypatch.setattr("mlflow.store.db.utils.time.sleep", naps.append)
+    run_stage(monkeypatch, "train@toy")
+    assert sync(project).waiting == 1
+    assert 0 < sum(naps) < 5
