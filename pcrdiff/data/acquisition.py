@@ -148,7 +148,7 @@ def _described(folder: Path) -> dict[str, dict[str, str | int]]:
         ) from error
 
 
-def read_manifest(folder: Path, *, base: Path) -> Path:
+def read_manifest(folder: Path, *, base: Path, changed_since: int = 0) -> Path:
     """Find the data set that a manifest describes, and check that it is still what it was.
 
     A local one is read whole for that: it lies where anyone may change it.
@@ -156,6 +156,7 @@ def read_manifest(folder: Path, *, base: Path) -> Path:
     Args:
         folder: The folder that holds ``manifest.json``.
         base: What a relative local root is relative to: the project's own folder.
+        changed_since: Read only the local files that were touched after this, in ns since 1970.
 
     Returns:
         The data set's folder: ``folder`` itself, or the local root.
@@ -184,11 +185,13 @@ def read_manifest(folder: Path, *, base: Path) -> Path:
                 "run the acquire stage again if that is meant"
             )
     if local:
-        _check_content(path, manifest["files"], root)
+        _check_content(path, manifest["files"], root, changed_since)
     return root
 
 
-def _check_content(manifest: Path, described: Sequence[dict[str, Any]], root: Path) -> None:
+def _check_content(
+    manifest: Path, described: Sequence[dict[str, Any]], root: Path, changed_since: int
+) -> None:
     """Refuse files whose content is not the described one, and files that nothing describes.
 
     Hidden ones may come: no reader takes them, and file managers leave them behind.
@@ -198,11 +201,40 @@ def _check_content(manifest: Path, described: Sequence[dict[str, Any]], root: Pa
         entry = files.get(path.relative_to(root).as_posix())
         if entry is None and not path.name.startswith("."):
             raise ValueError(f"{manifest} knows no {path}: run the acquire stage again")
-        if entry is not None and _describe(path, root) != entry:
+        touched = max(path.stat().st_mtime_ns, path.stat().st_ctime_ns) >= changed_since
+        if entry is not None and touched and _describe(path, root) != entry:
             raise ValueError(
                 f"{manifest} needs {path} as it was when it was acquired, its content is another: "
                 "run the acquire stage again"
             )
+
+
+def forget_changed(folder: Path, *, base: Path) -> bool:
+    """Remove the manifest of a local data set that is no longer what it was.
+
+    Whoever watches the folder sees that, and acquires the data set again. Only files touched since
+    the manifest was written are read.
+
+    Args:
+        folder: The folder that may hold ``manifest.json``.
+        base: As for ``read_manifest``.
+
+    Returns:
+        Whether it was removed.
+
+    Raises:
+        ValueError: The manifest is not one.
+        OSError: A file or folder of the data set cannot be read.
+    """
+    path = folder / MANIFEST
+    if not path.is_file() or _load_manifest(path)["source"] != "local":
+        return False
+    try:
+        read_manifest(folder, base=base, changed_since=path.stat().st_mtime_ns)
+    except (ValueError, FileNotFoundError):
+        path.unlink()
+        return True
+    return False
 
 
 def read_source(folder: Path) -> tuple[str, str]:

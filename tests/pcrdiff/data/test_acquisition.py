@@ -7,7 +7,7 @@ import os
 import socket
 import ssl
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -20,6 +20,7 @@ from pcrdiff.data import acquisition
 from pcrdiff.data.acquisition import (
     Archive,
     download_archives,
+    forget_changed,
     read_manifest,
     refuse_download,
     write_manifest,
@@ -475,6 +476,40 @@ def test_refuses_a_local_file_that_was_replaced_by_one_as_long(
         read_manifest(out, base=tmp_path)
     write_manifest(local, out, source="local")
     assert read_manifest(out, base=tmp_path) == local
+
+
+@pytest.mark.parametrize("change", ["content", "one more", "one less", "gone", "older file"])
+def test_the_manifest_of_a_local_data_set_that_changed_is_forgotten(
+    tmp_path: Path, local: Path, change: str
+) -> None:
+    out, path = tmp_path / "out", local / "b/1.bin"
+    (tmp_path / "old.bin").write_bytes(b"old")
+    os.utime(tmp_path / "old.bin", (1, 1))
+    write_manifest(local, out, source="local")
+    assert not forget_changed(out, base=tmp_path)
+    changes: dict[str, Callable[[], object]] = {
+        "content": lambda: path.write_bytes(b"two"),
+        "one more": lambda: (local / "b/2.bin").write_bytes(b"two"),
+        "one less": path.unlink,
+        "gone": lambda: local.rename(tmp_path / "moved"),
+        "older file": lambda: (tmp_path / "old.bin").rename(path),
+    }
+    changes[change]()
+    assert forget_changed(out, base=tmp_path)
+    assert list_files(out) == []
+    assert not forget_changed(out, base=tmp_path)
+
+
+def test_the_manifest_of_what_was_only_touched_or_made_here_stays(
+    tmp_path: Path, local: Path
+) -> None:
+    write_manifest(local, tmp_path / "out", source="local")
+    (local / "b/1.bin").touch()
+    assert not forget_changed(tmp_path / "out", base=tmp_path)
+    write_manifest(local, local, source="synthetic")
+    (local / "b/1.bin").write_bytes(b"two")
+    assert not forget_changed(local, base=tmp_path)
+    assert (local / "manifest.json").is_file()
 
 
 def test_refuses_a_local_file_that_came_since_unless_it_is_hidden(
