@@ -29,6 +29,10 @@ PAIR_SCHEMA = 1
 RIGID_TOLERANCE, NORMAL_TOLERANCE = 1e-6, 1e-3
 KINDS = {"source": "f", "target": "f", "T_target_source": "f", "item": "iu"}
 """numpy's kinds of number in the datasets of a split."""
+TEXT = "OS"
+"""numpy's kinds of text in a dataset."""
+LARGEST_RATIO = 1100
+"""How many times a dataset may be larger than its file: deflate reaches 1,032."""
 NORMALS = ("source_normals", "target_normals")
 """Datasets that a split has where the scenario keeps given normals; both or neither."""
 
@@ -142,7 +146,10 @@ def read_attributes(path: Path) -> dict[str, Any]:
     """
     with _opened(path, "a provenance") as file:
         attributes = {name: file.attrs[name] for name in ("scenario", "unit", "seed", "schema")}
-        return attributes | {"provenance": json.loads(file.attrs["provenance"])}
+        provenance = json.loads(file.attrs["provenance"])
+        if not isinstance(provenance, dict):
+            raise ValueError(f"{path} needs its provenance as a JSON object, has {provenance!r}")
+        return attributes | {"provenance": provenance}
 
 
 @contextmanager
@@ -153,10 +160,10 @@ def _opened(path: Path, wanted: str) -> Iterator[h5py.File]:
     try:
         with h5py.File(path) as file:
             schema = file.attrs.get("schema")
-            if schema != PAIR_SCHEMA:
+            if not isinstance(schema, int | np.integer) or schema != PAIR_SCHEMA:
                 raise ValueError(f"{path} needs schema {PAIR_SCHEMA}, has {schema}")
             yield file
-    except (KeyError, OSError, json.JSONDecodeError) as error:
+    except (KeyError, OSError, TypeError, RuntimeError, json.JSONDecodeError) as error:
         raise ValueError(f"{path} is not a pair file with {wanted}: {error}") from error
 
 
@@ -167,13 +174,14 @@ def _checked(group: h5py.Group, where: str) -> Pairs:
     if label is None:
         raise ValueError(f"{where} needs a dataset category or scene, has {sorted(group)}")
     source, target, poses, item, names = (
-        _array(group, name, kinds, where)
-        for name, kinds in {**KINDS, label: "OS"}.items()  # the kinds of text
+        _array(group, name, kinds, where) for name, kinds in {**KINDS, label: TEXT}.items()
     )
     count = len(source)
     shapes = {"source": source.shape[2:], "target": target.shape[2:], "pose": poses.shape[1:]}
     if shapes != {"source": (3,), "target": (3,), "pose": (4, 4)}:
         raise ValueError(f"{where} needs clouds [P, N, 3] and poses [P, 4, 4], has {shapes}")
+    if (item.ndim, names.ndim) != (1, 1) or 0 in (source.shape[1], target.shape[1]):
+        raise ValueError(f"{where} needs points, and one item and {label} for each pair of clouds")
     lengths = {len(target), len(poses), len(item), len(names)}
     if lengths != {count} or count == 0:
         raise ValueError(f"{where} needs as many of each as of sources ({count}), has {lengths}")
@@ -186,7 +194,7 @@ def _checked(group: h5py.Group, where: str) -> Pairs:
         torch.from_numpy(target.astype(np.float32)),
         torch.from_numpy(poses.astype(np.float64)),
         torch.from_numpy(item.astype(np.int64)),
-        tuple(name.decode() for name in names),
+        tuple(_decode(name, f"{where} {label}") for name in names),
         *_normals(group, {"source": source, "target": target}, where),
     )
 
@@ -221,10 +229,20 @@ def _array(group: h5py.Group, name: str, kinds: str, where: str) -> np.ndarray[A
         not isinstance(dataset, h5py.Dataset)
         or dataset.ndim == 0
         or dataset.dtype.kind not in kinds
+        or (kinds == TEXT and h5py.check_string_dtype(dataset.dtype) is None)
     ):
         raise ValueError(f"{where} needs {name} as an array of kind {kinds}, has {dataset}")
+    if dataset.nbytes > LARGEST_RATIO * Path(dataset.file.filename).stat().st_size:
+        raise ValueError(f"{where} needs {name} to be in its file, which cannot hold {dataset}")
     content: np.ndarray[Any, Any] = dataset[:]
     return content
+
+
+def _decode(name: bytes, where: str) -> str:
+    try:
+        return name.decode()
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{where} needs text in UTF-8, has {bytes(name)!r}") from error
 
 
 def _check_rigid(poses: np.ndarray[Any, Any], where: str) -> None:

@@ -76,7 +76,7 @@ class RecordingDict(dict[str, Any]):
         """As dict has it."""
         return self[key] if key in self else default  # noqa: SIM401  dict's own notes nothing
 
-    def __or__(self, other: Any) -> "RecordingDict":  # noqa: ANN401  as dict has it
+    def __or__(self, other: Any) -> "RecordingDict":  # type: ignore[override]  # noqa: ANN401
         """With the entries of ``other``, which the program has set itself."""
         content = {key: dict.__getitem__(self, key) for key in dict.keys(self)} | other
         return RecordingDict(

@@ -32,6 +32,8 @@ OTHER_LAYOUTS = {
 """What else scans are saved as: type and numbers per point, the likelier reading first."""
 REFLECTANCE_TOLERANCE = 0.01
 """How far a re-encoded reflectance may lie outside 0..1."""
+NEAREST_COORDINATE = 1e-3
+"""A scan whose points all lie nearer is none, but bytes of another type."""
 LEAST_DISTINCT = 0.5
 """The share of a scan's points that lie at places of their own; all of a recorded one do."""
 SEQUENCES_WITH_POSES = 11
@@ -162,7 +164,9 @@ def _likely_layout(content: bytes) -> str:
 
 
 def _is_plausible(scan: Float64[np.ndarray, "points columns"]) -> bool:
-    if not np.isfinite(scan).all() or np.abs(scan[:, :3]).max() >= FARTHEST_COORDINATE:
+    if not np.isfinite(scan).all():
+        return False
+    if not NEAREST_COORDINATE < np.abs(scan[:, :3]).max() < FARTHEST_COORDINATE:
         return False
     if scan.shape[1] > 3 and not _is_reflectance(scan[:, 3]):
         return False

@@ -29,6 +29,9 @@ CATEGORIES: tuple[str, ...] = (
 SYMMETRIC = frozenset({"bottle", "bowl", "cone", "cup", "flower_pot", "lamp", "tent", "vase"})
 """Categories whose shapes look the same after a turn about an axis, so their pose is luck."""
 
+LARGEST_RATIO = 1100
+"""How many times an array may be larger than its HDF5 file: deflate reaches 1,032."""
+
 Split = Literal["train", "test"]
 SPLITS: tuple[Split, ...] = ("train", "test")
 
@@ -198,24 +201,43 @@ def _load_hdf5(
     del modified  # part of the key only: a file that changed is read again
     try:
         with h5py.File(path) as file:
-            data, label = np.asarray(file["data"]), np.asarray(file["label"])
-            normal = np.asarray(file["normal"]) if "normal" in file else None
-    except (OSError, KeyError) as error:
+            data, label, normal = _read_arrays(file, path)
+    except (OSError, KeyError, TypeError, RuntimeError) as error:  # as h5py has it
         raise ValueError(f"{path} needs to be HDF5 with `data` and `label`, got {error}") from error
-    if data.ndim != 3 or data.shape[2] != 3 or data.dtype.kind != "f":
-        raise ValueError(
-            f"{path} needs `data` as floats [shapes, points, 3], got {data.dtype} {data.shape}"
-        )
-    if label.dtype.kind not in "iu" or label.size != len(data) or len(label) != len(data):
-        raise ValueError(
-            f"{path} needs `label` as {len(data)} integers, got {label.dtype} {label.shape}"
-        )
-    if normal is not None and (normal.shape != data.shape or normal.dtype.kind != "f"):
-        raise ValueError(
-            f"{path} needs `normal` as floats {data.shape}, got {normal.dtype} {normal.shape}"
-        )
     clouds = data if normal is None else np.concatenate([data, normal], axis=2)
     return clouds, label.reshape(-1).astype(np.int64)
+
+
+def _read_arrays(file: h5py.File, path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Read points, labels and normals, once each is known to be what it should."""
+    data = _sized(file["data"], path)
+    if data.ndim != 3 or data.shape[2] != 3 or data.dtype.kind != "f":
+        raise ValueError(f"{path} needs `data` as floats [shapes, points, 3], got {_say(data)}")
+    label = _sized(file["label"], path)
+    if label.dtype.kind not in "iu" or label.shape not in ((len(data),), (len(data), 1)):
+        raise ValueError(f"{path} needs `label` as {len(data)} integers, got {_say(label)}")
+    normal = _sized(file["normal"], path) if "normal" in file else None
+    if normal is not None and (normal.shape != data.shape or normal.dtype.kind != "f"):
+        raise ValueError(f"{path} needs `normal` as floats {data.shape}, got {_say(normal)}")
+    return data[:], label[:], None if normal is None else normal[:]
+
+
+def _sized(entry: h5py.Dataset | h5py.Group, path: Path) -> h5py.Dataset:
+    """Refuse what is no array, or more than the file can hold, before memory is asked for."""
+    if not isinstance(entry, h5py.Dataset) or entry.shape is None:
+        raise ValueError(f"{path} needs `{entry.name[1:]}` as an array, got {_say(entry)}")
+    if entry.nbytes > LARGEST_RATIO * path.stat().st_size:
+        raise ValueError(
+            f"{path} needs `{entry.name[1:]}` to be in it, its {path.stat().st_size} bytes "
+            f"cannot hold {_say(entry)}"
+        )
+    return entry
+
+
+def _say(entry: h5py.Dataset | h5py.Group) -> str:
+    if not isinstance(entry, h5py.Dataset):
+        return "a group"
+    return f"{entry.dtype} {'without any value' if entry.shape is None else entry.shape}"
 
 
 # modelnet40_normal_resampled.

@@ -15,6 +15,8 @@ from pyarrow import csv
 TYPES = {"real": pyarrow.float64(), "whole": pyarrow.int64()}
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 """Neither ``nan`` nor ``1_000``, which ``float`` reads too."""
+COUNT = re.compile(r"[0-9]{1,18}")
+"""A number of lines or points, or of a file, that 64 bits hold."""
 COMMENT = re.compile(rb"(?<!\S)#[^\r\n]*")
 """From a ``#`` that begins a line or stands after a blank; within a word it is a fault."""
 SHOWN = 60

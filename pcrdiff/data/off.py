@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from pcrdiff.data.number_rows import (
+    COUNT,
     SHOWN,
     Line,
     parse_rows,
@@ -51,7 +52,7 @@ def _read_plain(content: bytes, path: Path) -> Mesh | None:
     if header.strip() == b"OFF":
         header, _, body = body.partition(b"\n")
     counts = header.strip().removeprefix(b"OFF").split()
-    if len(counts) < 2 or not all(map(bytes.isdigit, counts)):
+    if len(counts) < 2 or not all(COUNT.fullmatch(count.decode("latin-1")) for count in counts):
         return None
     num_vertices, num_faces = int(counts[0]), int(counts[1])
     line_ends = np.flatnonzero(np.frombuffer(body + b"\n", np.uint8) == ord("\n"))
@@ -99,8 +100,9 @@ def _read_header(lines: Sequence[Line], path: Path) -> tuple[int, int, int]:
         raise ValueError(f"{path} needs to begin with OFF, it begins with {first[:40]!r}")
     fused = first.removeprefix("OFF").split()
     counts = fused or (lines[1].text.split() if len(lines) > 1 else [])
-    if len(counts) < 2 or not all(count.isascii() and count.isdecimal() for count in counts):
-        raise ValueError(f"{path} needs counts of vertices, faces and edges, got {counts}")
+    if len(counts) < 2 or not all(map(COUNT.fullmatch, counts)):
+        shown = " ".join(counts)[:SHOWN]
+        raise ValueError(f"{path} needs counts of vertices, faces and edges, got {shown!r}")
     if int(counts[0]) == 0 or int(counts[1]) == 0:
         raise ValueError(
             f"{path} needs vertices and faces, its header says {counts[0]} and {counts[1]}"

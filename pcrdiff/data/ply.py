@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64
 
-from pcrdiff.data.number_rows import read_rows, split_lines, without_comments
+from pcrdiff.data.number_rows import COUNT, SHOWN, read_rows, split_lines, without_comments
 from pcrdiff.data.raw import Cloud, Oriented, check_cloud, check_extent
 
 NUMBERS = {
@@ -79,8 +79,9 @@ def _parse_header(lines: list[list[str]], size: int, path: Path) -> Header:
         raise ValueError(f"{path} needs a format among {', '.join(FORMATS)}, got {formats}")
     starts = [index for index, words in enumerate(lines) if words[0] == "element"]
     vertex = lines[starts[0]] if starts else []
-    if vertex[1:2] != ["vertex"] or not vertex[-1].isdecimal():
-        raise ValueError(f"{path} needs `element vertex N` before other elements, got {vertex}")
+    if vertex[1:2] != ["vertex"] or len(vertex) != 3 or not COUNT.fullmatch(vertex[2]):
+        shown = " ".join(vertex)[:SHOWN]
+        raise ValueError(f"{path} needs `element vertex N` before other elements, got {shown!r}")
     rows = lines[starts[0] + 1 : starts[1] if len(starts) > 1 else None]
     properties = [words[1:] for words in rows if words[0] == "property"]
     if not all(len(words) == 2 and words[0] in NUMBERS for words in properties):
@@ -88,13 +89,15 @@ def _parse_header(lines: list[list[str]], size: int, path: Path) -> Header:
     named = tuple((name, NUMBERS[number]) for number, name in properties)
     if not {"x", "y", "z"} <= dict(named).keys() or len(dict(named)) != len(named):
         raise ValueError(f"{path} needs vertices with one x, y and z, got {properties}")
-    return Header(formats[0], int(vertex[-1]), named, size, len(lines) + 1)
+    return Header(formats[0], int(vertex[2]), named, size, len(lines) + 1)
 
 
 def _read_binary(path: Path, header: Header) -> Float64[np.ndarray, "points channels"]:
     order = FORMATS[header.format]
     layout = np.dtype([(name, order + number) for name, number in header.properties])
-    vertices = np.fromfile(path, dtype=layout, count=header.count, offset=header.size)
+    there = (path.stat().st_size - header.size) // layout.itemsize
+    count = min(header.count, there)  # before so much memory is asked for
+    vertices = np.fromfile(path, dtype=layout, count=count, offset=header.size)
     return np.stack([vertices[name].astype(np.float64) for name in header.columns], axis=1)
 
 

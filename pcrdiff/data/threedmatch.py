@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from pcrdiff.data.names import check_names, list_files, list_folders
-from pcrdiff.data.number_rows import Line, read_lines, read_number
+from pcrdiff.data.number_rows import COUNT, SHOWN, Line, read_lines, read_number
 from pcrdiff.data.ply import read_ply
 from pcrdiff.data.raw import RawItem, RecordedPair, check_rigid
 
@@ -95,8 +95,8 @@ def _read_log(root: Path, path: Path) -> list[RecordedPair]:
 
 def _read_block(block: Sequence[Line], scene: Path, path: Path) -> RecordedPair:
     head = block[0].text.split()
-    where = f"{path}, block {' '.join(head)!r},"
-    if len(head) != 3 or not all(word.isascii() and word.isdecimal() for word in head):
+    where = f"{path}, block {' '.join(head)[:SHOWN]!r},"
+    if len(head) != 3 or not all(map(COUNT.fullmatch, head)):
         raise ValueError(f"{where} line {block[0].number}, needs `i j n` of whole numbers")
     target, source, _ = map(int, head)
     matrix: Float64[np.ndarray, "4 4"] = np.array([_read_row(line, where) for line in block[1:]])

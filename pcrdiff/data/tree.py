@@ -1,6 +1,7 @@
 """Listing folders so that nothing which cannot be listed is passed over in silence."""
 
 import errno
+import os
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,11 +13,27 @@ def entries(folder: Path) -> list[Path]:
     Raises:
         OSError: The folder cannot be listed: no permission, an input error, a stale mount. The
             sentence names it.
+        ValueError: A name in it is not in UTF-8, so no manifest and no pair file can hold it.
     """
     try:
-        return sorted(folder.iterdir())
+        found = sorted(folder.iterdir())
     except OSError as error:
         raise type(error)(f"{folder} cannot be listed: {error.strerror or error}") from error
+    for path in found:
+        if not _is_utf8(path.name):
+            raise ValueError(
+                f"{folder} needs names in UTF-8, it holds {os.fsencode(path.name)!r}: it may be in "
+                "Latin-1"
+            )
+    return found
+
+
+def _is_utf8(name: str) -> bool:
+    try:
+        name.encode()
+    except UnicodeEncodeError:  # bytes that are no UTF-8 come as lone surrogates
+        return False
+    return True
 
 
 def walk_files(folder: Path) -> Iterator[Path]:

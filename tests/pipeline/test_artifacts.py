@@ -289,7 +289,22 @@ def test_refuses_the_attributes_of_a_pair_file_that_lost_some(tmp_path: Path) ->
         file.attrs["provenance"] = "no JSON"
     with pytest.raises(ValueError, match=r"pairs\.h5 is not a pair file with a provenance"):
         read_attributes(path)
+    for provenance, said in (
+        (7, "is not a pair file with a provenance"),
+        (h5py.Empty("S1"), "is not a pair file with a provenance"),
+        ("[7]", "needs its provenance as a JSON object"),
+    ):
+        with h5py.File(path, "r+") as file:
+            file.attrs["provenance"] = provenance
+        with pytest.raises(ValueError, match=rf"pairs\.h5 {said}"):
+            read_attributes(path)
     with h5py.File(path, "r+") as file:
+        file.attrs["schema"] = [1, 1]
+    with pytest.raises(ValueError, match=r"pairs\.h5 needs schema 1, has \[1 1\]"):
+        read_attributes(path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["schema"] = 1
+        file.attrs["provenance"] = "{}"
         del file.attrs["unit"]
     with pytest.raises(ValueError, match=r"pairs\.h5 is not a pair file .*unit"):
         read_attributes(path)
@@ -416,6 +431,33 @@ def with_an_empty_split(file: h5py.File) -> None:
         replaced(file["test"], name, file["test"][name][:0])
 
 
+def without_values(name: str) -> Callable[[h5py.File], None]:
+    return lambda file: replaced(file["test"], name, h5py.Empty("f4"))
+
+
+def with_a_group_for(name: str) -> Callable[[h5py.File], None]:
+    def apply(file: h5py.File) -> None:
+        del file["test"][name]
+        file["test"].create_group(name)
+
+    return apply
+
+
+def with_a_type_numpy_lacks(file: h5py.File) -> None:
+    space = h5py.h5s.create_simple((2,))
+    del file["test"]["item"]
+    h5py.h5d.create(file["test"].id, b"item", h5py.h5t.UNIX_D32LE, space)
+
+
+def with_more_than_the_file_holds(file: h5py.File) -> None:
+    del file["test"]["source"]
+    file["test"].create_dataset("source", (2, 10**12, 3), "f4", chunks=(1, 1024, 3))
+
+
+def with_labels_in_latin1(file: h5py.File) -> None:
+    replaced(file["test"], "category", np.array(["caf\xe9".encode("latin-1")] * 2))
+
+
 MALFORMED: dict[str, tuple[Callable[[h5py.File], None], str]] = {
     "another schema": (of_another_schema, "needs schema 1, has 2"),
     "no schema": (without_schema, "needs schema 1, has None"),
@@ -428,6 +470,15 @@ MALFORMED: dict[str, tuple[Callable[[h5py.File], None], str]] = {
     "a scalar for the items": (changed("item", lambda _: 3), "item"),
     "text for the clouds": (
         changed("source", lambda v: np.full(v.shape, b"x")), "source"),
+    "no values for the items": (without_values("item"), "test needs item as an array"),
+    "no values for the clouds": (without_values("source"), "test needs source as an array"),
+    "a group for the labels": (with_a_group_for("category"), "test needs category as an array"),
+    "a group for the poses": (with_a_group_for("T_target_source"), "needs T_target_source as an"),
+    "items of a type that numpy lacks": (with_a_type_numpy_lacks, "is not a pair file with a sp"),
+    "a column of items": (changed("item", lambda v: v[:, None]), "one item and category for each"),
+    "clouds without points": (changed("target", lambda v: v[:, :0]), "test needs points, and one"),
+    "more than the file holds": (with_more_than_the_file_holds, "source to be in its file, which"),
+    "labels in Latin-1": (with_labels_in_latin1, "category needs text in UTF-8, has b'caf"),
     "no pairs": (with_an_empty_split, "needs as many of each as of sources (0)"),
     "flat clouds": (
         changed("source", lambda v: v[..., :2]), "needs clouds [P, N, 3] and poses [P, 4, 4]"),

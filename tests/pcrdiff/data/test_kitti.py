@@ -252,6 +252,16 @@ def test_a_broken_pose_is_named_by_its_line_though_blank_ones_stand_before(tmp_p
         read_pairs(tmp_path)
 
 
+@pytest.mark.parametrize("name", ["poses/00.txt", "sequences/00/calib.txt"])
+def test_names_a_text_that_is_not_in_utf8(tmp_path: Path, name: str) -> None:
+    write_sequence(tmp_path)
+    path = tmp_path / name
+    path.write_bytes(b"# caf\xe9\n" + path.read_bytes())
+    where = rf"{path.name}, line 1, .*UTF-8.*0xe9.*Latin-1"
+    with pytest.raises(ValueError, match=where):
+        read_pairs(tmp_path)
+
+
 def test_refuses_a_distance_that_is_none(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="min_distance > 0"):
         read_pairs(tmp_path, min_distance=0.0)

@@ -1,5 +1,6 @@
 """ModelNet40's three layouts: what is read, what is refused, and that their frames agree."""
 
+from collections.abc import Callable
 from itertools import permutations, product
 from pathlib import Path
 
@@ -190,6 +191,82 @@ def test_refuses_an_hdf5_schema_it_does_not_know(tmp_path: Path) -> None:
     write_hdf5(tmp_path, "train", [0, 1, 1], np.zeros((2, 5, 3), dtype=np.float32))
     with pytest.raises(ValueError, match=r"ply_data_train0\.h5 needs `label` as 2 integers"):
         read_items(tmp_path)
+
+
+def put(name: str, value: object) -> Callable[[h5py.File], object]:
+    return lambda file: file.create_dataset(name, data=value)
+
+
+ODD_ARRAYS: dict[str, tuple[str, Callable[[h5py.File], object], str]] = {
+    "a scalar label": ("label", put("label", 3), "needs `label` as 2 integers, got int64"),
+    "no label values": ("label", put("label", h5py.Empty("u1")), "`label` as an array, got uint8"),
+    "a group": ("label", lambda file: file.create_group("label"), "as an array, got a group"),
+    "text": ("label", put("label", ["bed", "chair"]), "needs `label` as 2 integers, got object"),
+    "a type numpy lacks": (
+        "label",
+        lambda file: h5py.h5d.create(
+            file.id, b"label", h5py.h5t.UNIX_D32LE, h5py.h5s.create_simple((2,))
+        ),
+        "needs to be HDF5 with `data` and `label`",
+    ),
+    "a link to nothing": (
+        "data",
+        lambda file: file.__setitem__("data", h5py.SoftLink("/gone")),
+        "needs to be HDF5 with `data` and `label`",
+    ),
+    "a group of points": ("data", lambda file: file.create_group("data"), "got a group"),
+    "no points": ("data", put("data", h5py.Empty("f4")), "needs `data` as an array, got float32"),
+    "a scalar point": ("data", put("data", 1.0), "needs `data` as floats"),
+    "more than the file holds": (
+        "data",
+        lambda file: file.create_dataset("data", (10**12, 5, 3), "f4", chunks=(64, 5, 3)),
+        "needs `data` to be in it, its .* bytes cannot hold",
+    ),
+    "no normals": ("normal", put("normal", h5py.Empty("f4")), "needs `normal` as an array"),
+    "a scalar normal": ("normal", put("normal", 1.0), "needs `normal` as floats"),
+}
+
+
+@pytest.mark.parametrize("case", ODD_ARRAYS)
+def test_refuses_an_hdf5_file_with(tmp_path: Path, case: str) -> None:
+    name, make, message = ODD_ARRAYS[case]
+    write_hdf5_layout(tmp_path)
+    with h5py.File(tmp_path / "ply_data_train0.h5", "r+") as file:
+        if name in file:
+            del file[name]
+        make(file)
+    with pytest.raises(ValueError, match=rf"ply_data_train0\.h5 .*{message}") as refused:
+        read_items(tmp_path)
+    assert "\n" not in str(refused.value)
+
+
+def test_reads_an_hdf5_file_much_smaller_than_its_arrays(tmp_path: Path) -> None:
+    write_hdf5_layout(tmp_path)
+    with h5py.File(tmp_path / "ply_data_train0.h5", "r+") as file:
+        del file["data"]
+        file.create_dataset("data", data=np.zeros((2, 10**6, 3), "f4"), compression=9)
+    assert np.asarray(read_items(tmp_path)[0].read()).shape == (10**6, 3)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("caf\xe9_0001\n".encode("latin-1"), r"line 2, needs .* UTF-8, .*0xe9.*Latin-1"),
+        ("chair_0001\n".encode("utf-16"), "needs to be text in UTF-8, it begins as UTF-16 does"),
+    ],
+)
+def test_refuses_a_list_in_another_encoding(tmp_path: Path, content: bytes, message: str) -> None:
+    write_resampled(tmp_path)
+    lead = b"" if content.startswith(b"\xff") else b"chair_0001\n"
+    (tmp_path / "modelnet40_train.txt").write_bytes(lead + content)
+    with pytest.raises(ValueError, match=rf"modelnet40_train\.txt.*{message}"):
+        read_items(tmp_path)
+
+
+def test_reads_a_list_with_a_byte_order_mark(tmp_path: Path) -> None:
+    write_resampled(tmp_path)
+    (tmp_path / "modelnet40_train.txt").write_bytes(b"\xef\xbb\xbfchair_0001\r\n")
+    assert read_items(tmp_path)[0].name == "chair_0001"
 
 
 def test_refuses_a_label_out_of_range_and_a_name_that_is_no_category(tmp_path: Path) -> None:

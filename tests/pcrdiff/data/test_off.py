@@ -47,6 +47,10 @@ def test_cuts_a_polygon_into_a_fan(tmp_path: Path) -> None:
         (SQUARE, "needs to begin with OFF"),
         ("OFF\n", "needs counts"),
         ("OFF\nfour 2 0\n", "needs counts"),
+        (f"OFF\n4 {10**20} 0\n{SQUARE}3 0 1 2\n", "needs counts"),
+        (f"OFF\n{'9' * 5000} 1 0\n{SQUARE}3 0 1 2\n", "needs counts"),
+        (f"OFF\n{10**17} 1 0\n{SQUARE}3 0 1 2\n", f"needs {10**17} vertices .* after 5 lines"),
+        (f"OFF\n4 {10**17} 0 # a\n{SQUARE}3 0 1 2\n", "needs 4 vertices .* after 5 lines"),
         (f"OFF\n4 0 0\n{SQUARE}", "needs vertices and faces"),
         ("OFF\n0 0 0\n", "needs vertices and faces"),
         (f"OFF\n4 3 0\n{SQUARE}3 0 1 2\n", "needs 4 vertices and 3 faces .* ends after 5 lines"),
@@ -83,6 +87,19 @@ def test_a_comment_begins_a_line_or_stands_after_a_blank(tmp_path: Path) -> None
     mesh = read_off(write(tmp_path, text))
     assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
     assert mesh.faces.tolist() == [[0, 1, 2]]
+
+
+def test_names_the_line_that_is_not_in_utf8_but_reads_past_such_a_comment(tmp_path: Path) -> None:
+    path = tmp_path / "shape_0001.off"
+    text = f"OFF # caf\xe9\n4 1 0\n{SQUARE}3 0 1 2\n"
+    path.write_bytes(text.encode("latin-1"))
+    assert len(read_off(path).vertices) == 4
+    path.write_bytes(text.replace("1 1 0", "1 1 \xe9").encode("latin-1"))
+    with pytest.raises(ValueError, match=r"shape_0001\.off, line 5, .*UTF-8.*0xe9.*Latin-1"):
+        read_off(path)
+    path.write_bytes(text.encode("utf-16"))
+    with pytest.raises(ValueError, match=r"shape_0001\.off .*UTF-8, it begins as UTF-16 does"):
+        read_off(path)
 
 
 def test_refuses_a_mesh_that_is_missing(tmp_path: Path) -> None:

@@ -113,6 +113,25 @@ def test_refuses_bytes_in_another_order_than_announced(tmp_path: Path) -> None:
         read_ply(path)
 
 
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
+@pytest.mark.parametrize("count", [10, 4294967295000, 10**17])
+def test_asks_for_no_more_memory_than_the_file_has_points(
+    tmp_path: Path, kind: str, count: int
+) -> None:
+    content = b"1 1 1\n" * 9 if kind == "ascii" else np.ones((9, 3), "<f4").tobytes()
+    path = write(tmp_path, f"format {kind} 1.0\nelement vertex {count}\n{XYZ}", content)
+    with pytest.raises(ValueError, match=rf"cloud_bin_0\.ply needs the {count} .*, got 9"):
+        read_ply(path)
+
+
+@pytest.mark.parametrize("count", [str(10**20), "9" * 5000, "-1", "1_0", "٣", "1 1"])
+def test_refuses_a_count_that_is_none(tmp_path: Path, count: str) -> None:
+    path = write(tmp_path, f"format ascii 1.0\nelement vertex {count}\n{XYZ}", b"1 1 1\n")
+    with pytest.raises(ValueError, match=r"cloud_bin_0\.ply needs `element vertex N`") as refused:
+        read_ply(path)
+    assert len(str(refused.value)) < 300
+
+
 def test_refuses_what_is_no_ply_at_all(tmp_path: Path) -> None:
     path = tmp_path / "cloud_bin_0.ply"
     for content in (b"", b"solid stl", b"OFF\n1 1 0\n"):

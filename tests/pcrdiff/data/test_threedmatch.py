@@ -138,6 +138,16 @@ def test_refuses_a_pose_with_what_is_no_finite_number(scenes: Path, word: str) -
     assert repr(word) in str(refused.value)
 
 
+def test_refuses_a_log_in_latin1_and_a_number_of_thousands_of_digits(scenes: Path) -> None:
+    path = write_log(scenes, ("0 1 11 \xe9", make_pose(1)))
+    path.write_bytes(path.read_text().encode("latin-1"))
+    with pytest.raises(ValueError, match=r"gt\.log, line 1, .*UTF-8.*0xe9.*Latin-1"):
+        read_pairs(scenes)
+    write_log(scenes, (f"0 {'1' * 5000} 11", make_pose(1)))
+    with pytest.raises(ValueError, match=r"gt\.log, block .* line 1, needs `i j n`"):
+        read_pairs(scenes)
+
+
 @pytest.mark.real
 def test_reads_every_real_fragment_and_pair(real_data: Path) -> None:
     items, pairs = read_items(real_data / "3dmatch"), read_pairs(real_data / "3dmatch")
