@@ -1,6 +1,8 @@
 """The names that a data set gives its folders and files: others are refused, none is passed over."""
 
+import os
 import re
+import stat
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,14 +18,18 @@ def list_folders(folder: Path) -> list[Path]:
     """The folders right below one, by name, but for what systems leave there.
 
     Raises:
-        FileNotFoundError: A link leads nowhere, so what it stood for would be missed.
-        OSError: The folder cannot be listed.
+        OSError: The folder cannot be listed, or what an entry is cannot be found out: a link that
+            leads nowhere, no permission. What it stood for would be missed.
     """
     found = [entry for entry in entries(folder) if not LITTER.fullmatch(entry.name)]
-    for entry in found:
-        if entry.is_symlink() and not entry.exists():
-            raise FileNotFoundError(f"{entry} needs what it links to, {entry.readlink()} is gone")
-    return [entry for entry in found if entry.is_dir()]
+    return [entry for entry in found if stat.S_ISDIR(_status(entry).st_mode)]
+
+
+def _status(entry: Path) -> os.stat_result:
+    try:
+        return entry.stat()  # Path.is_dir would take one that cannot be looked at for no folder
+    except OSError as error:
+        raise type(error)(f"{entry} cannot be read: {error.strerror or error}") from error
 
 
 def list_files(folder: Path, ending: str) -> list[Path]:
