@@ -114,7 +114,12 @@ def mlflow_ui(port: Annotated[int, typer.Option(help="Port on 127.0.0.1.")] = 50
         typer.echo(f"the store is a server already: {public(uri)}")
         return
     open_store(root)  # under a lock: a server that creates the tables may meet a stage doing it
-    store = ["--backend-store-uri", uri, "--default-artifact-root", artifacts_folder(uri) or uri]
+    store = [
+        "--backend-store-uri",
+        uri,
+        "--default-artifact-root",
+        artifacts_folder(uri, root) or uri,
+    ]
     typer.echo(f"http://127.0.0.1:{port}")
     become_module(
         "mlflow", "server", "--host", "127.0.0.1", "--port", str(port), "--workers", "1", *store

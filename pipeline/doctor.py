@@ -155,7 +155,10 @@ def check_mlflow(root: Path) -> Iterator[Finding]:
     uri = tracking_uri(root)
     client, experiment = open_store(root)
     yield Finding("ok", f"MLflow answers at {public(uri)}")
-    kept, expected = client.get_experiment(experiment).artifact_location, artifacts_folder(uri)
+    kept, expected = (
+        client.get_experiment(experiment).artifact_location,
+        artifacts_folder(uri, root),
+    )
     if expected and kept != expected:
         yield Finding("warning", f"MLflow keeps artifacts in {kept}, not in {expected}")
     waiting = len(waiting_records(root))

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 KEYWORDS = ("databricks", "databricks-uc", "uc")
 """What MLflow takes for a store by its name alone; any other bare word is a folder."""
+DATABASES = ("mssql", "mysql", "postgresql", "sqlite")
 SERVERS = ("http", "https", *KEYWORDS)
 PATIENCE_SECONDS = 20.0  # how long another writer may keep a SQLite file, as MLflow has it
 
@@ -59,10 +60,16 @@ def database_file(uri: str) -> Path | None:
     return Path(make_url(uri).database or "")
 
 
-def artifacts_folder(uri: str) -> str | None:
-    """Return where artifacts go: ``mlruns`` beside a SQLite file; a server decides by itself."""
+def artifacts_folder(uri: str, root: Path) -> str | None:
+    """Return where artifacts go; a server and a folder of runs decide by themselves.
+
+    Beside a database it is ``mlruns``: next to a SQLite file, in the project for the others,
+    which would take the current folder, and that of ``dvc exp run --temp`` is soon gone.
+    """
     database = database_file(uri)
-    return (database.parent / "mlruns").as_uri() if database else None
+    if not database and _scheme(uri).partition("+")[0] not in DATABASES:
+        return None
+    return ((database.parent if database else root.resolve()) / "mlruns").as_uri()
 
 
 def check_database(path: Path) -> None:

@@ -128,7 +128,7 @@ def open_store(root: Path) -> "tuple[MlflowClient, str]":
         client = MlflowClient(tracking_uri=uri, registry_uri=uri)
         experiment = client.get_experiment_by_name(EXPERIMENT)
         if experiment is None:
-            return client, client.create_experiment(EXPERIMENT, artifacts_folder(uri))
+            return client, client.create_experiment(EXPERIMENT, artifacts_folder(uri, root))
     if experiment.lifecycle_stage == "deleted":
         command = f"mlflow experiments restore -x {experiment.experiment_id}"
         raise ValueError(f"the experiment {EXPERIMENT!r} was deleted; `{command}` brings it back")

@@ -68,7 +68,19 @@ def test_what_mlflow_and_its_plugins_know_by_name_reaches_them_as_it_was_given(
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
     assert tracking_uri(tmp_path) == uri
     assert database_file(uri) is None
-    assert artifacts_folder(uri) is None
+
+
+def test_artifacts_lie_where_they_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir("/")
+    mine = (tmp_path / "mlruns").as_uri()
+    assert artifacts_folder("postgresql+psycopg2://host/runs", tmp_path) == mine
+    assert artifacts_folder("mysql://host/runs", tmp_path) == mine
+    assert (
+        artifacts_folder("sqlite:////shared/100%25/x.db", tmp_path)
+        == "file:///shared/100%25/mlruns"
+    )
+    for uri in ("databricks", "https://mlflow.example", "file:///shared/runs"):
+        assert artifacts_folder(uri, tmp_path) is None
 
 
 def test_a_server_is_told_from_a_store_that_one_could_serve() -> None:
