@@ -27,7 +27,7 @@ from dvc.utils.serialize import dumps_yaml, parse_yaml
 
 from pipeline.artifacts import write_atomically
 from pipeline.invocation import SHELL, VARIABLE, process_identity
-from pipeline.planning import named, stage_name
+from pipeline.planning import named, stage_name, stale_manifests
 from pipeline.warm import commands_in_forks, preload
 
 LOCK_EVERY = 600.0  # seconds between two writes of dvc.lock, each of which takes some itself
@@ -83,6 +83,8 @@ def repro(
         graph = wanted_graph(repo.index.graph, targets)
     except DvcException as error:
         raise ValueError(str(error)) from error
+    for manifest in stale_manifests(root, graph):
+        manifest.unlink()  # DVC sees that, and has the data set acquired again
     lock = LockFile(repo, [stage_name(stage) for stage in repo.index.stages])
     finished: list[Finished] = []
     try:

@@ -4,6 +4,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pcrdiff.data.acquisition import MANIFEST, is_stale
+
 
 def plan_stages(root: Path, targets: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Yield ``(stage, why)`` in the order in which they would run.
@@ -33,6 +35,7 @@ def plan_stages(root: Path, targets: Sequence[str]) -> Iterator[tuple[str, str]]
         for stage in nx.dfs_postorder_nodes(graph):
             causes = [stage_name(needed) for needed in graph.successors(stage) if needed in running]
             why = f"{causes[0]} runs" if causes else _changes(stage.status())
+            why = why or ("its local files changed" if stale_manifests(root, [stage]) else "")
             if why:
                 running.add(stage)
                 yield stage_name(stage), why
@@ -48,6 +51,18 @@ def named(stages: Iterable[Any], name: str) -> list[Any]:
     if not found:
         raise ValueError(f"no stage is called {name!r}")
     return found
+
+
+def stale_manifests(root: Path, stages: Iterable[Any]) -> list[Path]:
+    """The manifests of local data sets that have changed since, which DVC does not look at.
+
+    Args:
+        root: The project.
+        stages: DVC's; those of the group ``acquire`` have such manifests.
+    """
+    acquired = (s for s in stages if stage_name(s).partition("@")[0] == "acquire")
+    folders = [Path(out.fs_path) for stage in acquired for out in stage.outs]
+    return [folder / MANIFEST for folder in folders if is_stale(folder, base=root)]
 
 
 def stage_name(stage: Any) -> str:  # noqa: ANN401  DVC's own stage

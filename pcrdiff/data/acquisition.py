@@ -209,18 +209,14 @@ def _check_content(
             )
 
 
-def forget_changed(folder: Path, *, base: Path) -> bool:
-    """Remove the manifest of a local data set that is no longer what it was.
+def is_stale(folder: Path, *, base: Path) -> bool:
+    """Whether a local data set is no longer what its manifest says.
 
-    Whoever watches the folder sees that, and acquires the data set again. Only files touched since
-    the manifest was written are read.
+    Only files touched since the manifest was written are read.
 
     Args:
         folder: The folder that may hold ``manifest.json``.
         base: As for ``read_manifest``.
-
-    Returns:
-        Whether it was removed.
 
     Raises:
         ValueError: The manifest is not one.
@@ -232,7 +228,6 @@ def forget_changed(folder: Path, *, base: Path) -> bool:
     try:
         read_manifest(folder, base=base, changed_since=path.stat().st_mtime_ns)
     except (ValueError, FileNotFoundError):
-        path.unlink()
         return True
     return False
 

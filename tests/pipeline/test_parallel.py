@@ -3,12 +3,14 @@
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import networkx as nx
 import pytest
 
 from pipeline.parallel import Finished, by_urgency, repro, timings
+from pipeline.planning import plan_stages
 
 pytestmark = pytest.mark.slow
 DVC_YAML = """\
@@ -196,3 +198,47 @@ def test_what_others_wait_for_goes_first_and_small_ends_last() -> None:
     assert set(order[1:3]) == {"train-a", "train-b"}
     assert order[3] == "compare"
     assert order[-1] == "report"
+
+
+LOCAL = """\
+stages:
+  acquire:
+    foreach: [boxes]
+    do:
+      cmd: >-
+        {python} -c "from pathlib import Path;
+        from pcrdiff.data.acquisition import write_manifest as write;
+        write(Path('../boxes'), Path('raw'), source='local')"
+      outs:
+      - raw:
+          persist: true
+  use:
+    cmd: cp raw/manifest.json used
+    deps: [raw]
+    outs: [used]
+"""
+
+
+@pytest.mark.parametrize("change", ["same size", "one more", "one less"])
+def test_a_local_data_set_that_changed_is_acquired_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: str
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+    project, boxes = lay_out(tmp_path), tmp_path / "boxes"
+    (project / "dvc.yaml").write_text(LOCAL.format(python=sys.executable))
+    boxes.mkdir()
+    for name in ("a", "b"):
+        (boxes / name).write_text("one")
+    assert go(project) == ["acquire@boxes", "use"]
+    (boxes / "a").touch()
+    assert go(project) == []
+    changes: dict[str, Callable[[], object]] = {
+        "same size": lambda: (boxes / "a").write_text("two"),
+        "one more": lambda: (boxes / "c").write_text("two"),
+        "one less": (boxes / "a").unlink,
+    }
+    changes[change]()
+    assert dict(plan_stages(project, []))["acquire@boxes"] == "its local files changed"
+    assert go(project) == ["acquire@boxes", "use"]
+    assert (project / "used").read_bytes() == (project / "raw" / "manifest.json").read_bytes()
+    assert list(plan_stages(project, [])) == []

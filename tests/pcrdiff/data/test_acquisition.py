@@ -20,7 +20,7 @@ from pcrdiff.data import acquisition
 from pcrdiff.data.acquisition import (
     Archive,
     download_archives,
-    forget_changed,
+    is_stale,
     read_manifest,
     refuse_download,
     write_manifest,
@@ -479,14 +479,12 @@ def test_refuses_a_local_file_that_was_replaced_by_one_as_long(
 
 
 @pytest.mark.parametrize("change", ["content", "one more", "one less", "gone", "older file"])
-def test_the_manifest_of_a_local_data_set_that_changed_is_forgotten(
-    tmp_path: Path, local: Path, change: str
-) -> None:
+def test_a_local_data_set_that_changed_is_stale(tmp_path: Path, local: Path, change: str) -> None:
     out, path = tmp_path / "out", local / "b/1.bin"
     (tmp_path / "old.bin").write_bytes(b"old")
     os.utime(tmp_path / "old.bin", (1, 1))
     write_manifest(local, out, source="local")
-    assert not forget_changed(out, base=tmp_path)
+    assert not is_stale(out, base=tmp_path)
     changes: dict[str, Callable[[], object]] = {
         "content": lambda: path.write_bytes(b"two"),
         "one more": lambda: (local / "b/2.bin").write_bytes(b"two"),
@@ -495,20 +493,17 @@ def test_the_manifest_of_a_local_data_set_that_changed_is_forgotten(
         "older file": lambda: (tmp_path / "old.bin").rename(path),
     }
     changes[change]()
-    assert forget_changed(out, base=tmp_path)
-    assert list_files(out) == []
-    assert not forget_changed(out, base=tmp_path)
+    assert is_stale(out, base=tmp_path)
+    assert list_files(out) == ["manifest.json"]
 
 
-def test_the_manifest_of_what_was_only_touched_or_made_here_stays(
-    tmp_path: Path, local: Path
-) -> None:
+def test_what_was_only_touched_or_made_here_is_not_stale(tmp_path: Path, local: Path) -> None:
     write_manifest(local, tmp_path / "out", source="local")
     (local / "b/1.bin").touch()
-    assert not forget_changed(tmp_path / "out", base=tmp_path)
+    assert not is_stale(tmp_path / "out", base=tmp_path)
     write_manifest(local, local, source="synthetic")
     (local / "b/1.bin").write_bytes(b"two")
-    assert not forget_changed(local, base=tmp_path)
+    assert not is_stale(local, base=tmp_path)
     assert (local / "manifest.json").is_file()
 
 
