@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pipeline.artifacts import write_atomically
 from pipeline.invocation import SHELL, check_experiments
+from pipeline.locks import check_locks
 
 NAME = "real"
 VARIABLE = "PCRDIFF_REAL_DATA"
@@ -25,10 +26,11 @@ def run_real(root: Path) -> list[Path]:
 
     Raises:
         FileNotFoundError: There is no real data.
-        ValueError: Git could not keep the experiment; or a stage failed, and its own sentence
-            stands above.
+        ValueError: Git could not keep the experiment, or somebody else works in the project; or a
+            stage failed, and its own sentence stands above.
     """
     check_experiments(root)
+    check_locks(root)
     profile = (root / "profiles" / f"{NAME}.yaml").read_text().replace(DEFAULT, _folder(root))
     params = root / "params.yaml"
     before = params.read_bytes()
