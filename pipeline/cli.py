@@ -1,5 +1,6 @@
 """The ``pcrdiff`` command. Everything slow is imported by the command that needs it."""
 
+import getpass
 import os
 import sys
 import time
@@ -186,4 +187,21 @@ def _root() -> Path:
     """Return the project the command is run in."""
     from pipeline.invocation import project_root
 
+    _check_user()
     return project_root()
+
+
+def _check_user() -> None:
+    """Refuse a user without home or name, as containers have them: DVC and MLflow ask for both."""
+    who = f"user {os.getuid()} is not in this machine's list of users"
+    try:
+        Path.home()
+    except RuntimeError as error:
+        needed = "DVC and MLflow need a home folder"
+        raise ValueError(
+            f"{needed}, and {who}: set HOME to a folder that can be written"
+        ) from error
+    try:
+        getpass.getuser()
+    except (KeyError, OSError) as error:  # OSError from Python 3.13 on
+        raise ValueError(f"DVC needs a user's name, and {who}: set LOGNAME to any name") from error

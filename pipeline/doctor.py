@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pipeline.housekeeping import dead_experiments
 from pipeline.invocation import SHELL, ask_git, check_experiments
+from pipeline.locks import check_locks
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
@@ -136,6 +137,12 @@ def check_shell(root: Path) -> Iterator[Finding]:
     yield Finding("error", f"{cannot} ({' '.join(said.split())}): {remedy}")
 
 
+def check_others(root: Path) -> Iterator[Finding]:
+    """Nobody else works in the project, and nobody left a lock behind."""
+    check_locks(root)
+    yield Finding("ok", "no other DVC works here")
+
+
 def check_dead_experiments(root: Path) -> Iterator[Finding]:
     """No folders of killed experiments."""
     dead = list(dead_experiments(root))
@@ -216,6 +223,7 @@ CHECKS: tuple[Check, ...] = (
     check_params,
     check_code_in_git,
     check_shell,
+    check_others,
     check_dead_experiments,
     check_mlflow,
     check_disk,

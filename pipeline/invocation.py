@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -164,6 +165,18 @@ def _ancestors() -> Iterator[int]:
             pid = int(_stat(pid)[1])
         except (OSError, IndexError):
             return
+
+
+def descendants(pid: int) -> list[int]:
+    """Return what a process has started, and what those have; nothing where there is no ``/proc``."""
+    parents = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError, IndexError):  # it has just ended
+            parents[int(folder.name)] = int(_stat(int(folder.name))[1])
+    found = [pid]
+    for above in found:  # which grows
+        found += [child for child, parent in parents.items() if parent == above]
+    return found[1:]
 
 
 def _dvc_above() -> str:

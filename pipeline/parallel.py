@@ -8,16 +8,17 @@ such rewrite takes longer than many a stage. A stage that ended before its lock 
 """
 
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import nullcontext, redirect_stderr, redirect_stdout
+from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import networkx as nx
 from dvc.exceptions import DvcException
@@ -26,7 +27,8 @@ from dvc.stage.serialize import to_lockfile
 from dvc.utils.serialize import dumps_yaml, parse_yaml
 
 from pipeline.artifacts import write_atomically
-from pipeline.invocation import SHELL, VARIABLE, process_identity
+from pipeline.invocation import SHELL, VARIABLE, descendants, process_identity
+from pipeline.locks import check_locks, only_repro
 from pipeline.planning import named, stage_name, stale_manifests
 from pipeline.warm import commands_in_forks, preload
 
@@ -74,26 +76,57 @@ def repro(
         What was run, in the order in which it ended.
 
     Raises:
-        ValueError: A stage failed (those beside it were let finish), no such stage, or no project.
+        ValueError: A stage failed (those beside it were let finish), no such stage, no project, or
+            somebody else works in it.
     """
+    with only_repro(root), exiting_on_signals():
+        check_locks(root)
+        try:
+            return _repro(root, targets, jobs, tell)
+        except DvcException as error:
+            raise ValueError(str(error)) from error
+
+
+def _repro(
+    root: Path, targets: Sequence[str], jobs: int, tell: Callable[[Finished], None]
+) -> list[Finished]:
     os.environ[VARIABLE] = process_identity(os.getpid())
     os.environ["SHELL"] = SHELL
-    try:
-        repo = Repo(str(root), _wait_for_lock=True)
-        graph = wanted_graph(repo.index.graph, targets)
-    except DvcException as error:
-        raise ValueError(str(error)) from error
+    repo = Repo(str(root), _wait_for_lock=True)
+    graph = wanted_graph(repo.index.graph, targets)
     for manifest in stale_manifests(root, graph):
         manifest.unlink()  # DVC sees that, and has the data set acquired again
     lock = LockFile(repo, [stage_name(stage) for stage in repo.index.stages])
+    launcher = Launcher(repo, graph, lock, root / ".pcrdiff" / "logs")
     finished: list[Finished] = []
     try:
-        for ended in Launcher(repo, graph, lock, root / ".pcrdiff" / "logs").run(jobs):
+        for ended in launcher.run(jobs):
             tell(ended)
             finished.append(ended)
+    except (KeyboardInterrupt, SystemExit):
+        launcher.end()
+        raise
     finally:
         lock.write()
     return finished
+
+
+@contextmanager
+def exiting_on_signals() -> Iterator[None]:
+    """Leave by an exception when told to end, so that what was started is ended too."""
+    told = (signal.SIGTERM, signal.SIGHUP)
+    mine = [number for number in told if signal.getsignal(number) == signal.SIG_DFL]  # not nohup's
+    for number in mine:
+        signal.signal(number, _exit)
+    try:
+        yield
+    finally:
+        for number in mine:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _exit(number: int, _frame: object) -> NoReturn:
+    sys.exit(128 + number)
 
 
 def timings(finished: Iterable[Finished]) -> list[str]:
@@ -181,10 +214,19 @@ class Launcher:
                     yield self._reap()
                 if self.failure and not self.running:
                     raise ValueError(self.failure)
-        except BaseException:
+        except Exception:
             for one in self.running:
                 one.process.join()
             raise
+
+    def end(self) -> None:
+        """Kill what runs, with all that it has started."""
+        for pid in descendants(os.getpid()):
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        for one in self.running:
+            one.process.kill()  # where processes cannot be listed
+            one.process.join()
 
     def _start(self, jobs: int) -> None:
         """Start what can be started; stages that are up to date end at once."""
@@ -246,6 +288,9 @@ def _is_alone(stage: Any) -> bool:  # noqa: ANN401  DVC's own stage
 
 def reproduce(repo: Any, stage: Any, answer: Connection, log: Path) -> None:  # noqa: ANN401
     """In a process of its own: let DVC run the stage or restore it, and send its lock entry."""
+    from pipeline.machine import end_with_parent  # it loads PyTorch: here that is there already
+
+    end_with_parent()
     with log.open("w", buffering=1, encoding="utf-8", errors="surrogateescape") as file:
         os.dup2(file.fileno(), sys.stdout.fileno())
         os.dup2(file.fileno(), sys.stderr.fileno())

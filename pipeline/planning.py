@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pcrdiff.data.acquisition import MANIFEST, is_stale
+from pipeline.locks import check_locks
 
 
 def plan_stages(root: Path, targets: Sequence[str]) -> Iterator[tuple[str, str]]:
@@ -15,16 +16,22 @@ def plan_stages(root: Path, targets: Sequence[str]) -> Iterator[tuple[str, str]]
         targets: Stages, or groups such as ``train``, with all they need; none means all.
 
     Raises:
-        ValueError: No such stage, or no DVC project.
+        ValueError: No such stage, no DVC project, or somebody else works in it.
     """
-    import networkx as nx
     from dvc.exceptions import DvcException
-    from dvc.repo import Repo
 
+    check_locks(root)
     try:
-        repo = Repo(str(root))
+        yield from _plan(root, targets)
     except DvcException as error:
         raise ValueError(str(error)) from error
+
+
+def _plan(root: Path, targets: Sequence[str]) -> Iterator[tuple[str, str]]:
+    import networkx as nx
+    from dvc.repo import Repo
+
+    repo = Repo(str(root))
     graph = repo.index.graph  # from a stage to those it needs
     if targets:
         wanted = [stage for name in targets for stage in named(graph.nodes, name)]

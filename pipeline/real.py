@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 
 from pipeline.artifacts import write_atomically
 from pipeline.invocation import SHELL, check_experiments
+from pipeline.locks import check_locks
 
 NAME = "real"
 VARIABLE = "PCRDIFF_REAL_DATA"
@@ -28,10 +29,11 @@ def run_real(root: Path) -> list[Path]:
 
     Raises:
         FileNotFoundError: There is no real data.
-        ValueError: Git could not keep the experiment, the data's path cannot be written into YAML,
-            or a stage failed; that one's own sentence stands above.
+        ValueError: Git could not keep the experiment, somebody else works in the project, the data's
+            path cannot be written into YAML, or a stage failed; that one's own sentence stands above.
     """
     check_experiments(root)
+    check_locks(root)
     profile = _profile_on(_folder(root), root / "profiles" / f"{NAME}.yaml")
     params = root / "params.yaml"
     before = params.read_bytes()

@@ -9,6 +9,7 @@ import importlib
 import os
 import runpy
 import shlex
+import signal
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -34,12 +35,14 @@ def preload() -> None:
 @contextmanager
 def commands_in_forks() -> Iterator[None]:
     """Let DVC run those commands that are a stage of ours in a fork of this process."""
+    from pipeline.machine import end_with_parent  # it loads PyTorch
+
     in_shell = dvc.stage.run._run
 
     def run(executable: str, command: str, **how: Any) -> None:  # noqa: ANN401  for Popen
         words = stage_words(command)
         if words is None or not is_own_python(Path(how["env"]["DVC_ROOT"])):
-            in_shell(executable, command, **how)
+            in_shell(executable, command, **how, preexec_fn=end_with_parent)
             return
         process = FORK.Process(target=run_stage, args=(words, how["cwd"], how["env"]))
         process.start()
@@ -75,6 +78,12 @@ def is_own_python(root: Path) -> bool:
 
 def run_stage(words: list[str], folder: str, environment: Mapping[str, str]) -> None:
     """Do in this process what `python -m` would do in a new one; exits as it would."""
+    from pipeline.machine import end_with_parent
+
+    end_with_parent()
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, signal.SIG_DFL)
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)

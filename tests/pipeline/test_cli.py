@@ -29,6 +29,7 @@ from pipeline.tracking import journals_folder
 
 REPOSITORY = Path(__file__).parents[2]
 QUICK = "# how many\nsteps: 1  # denoising\nsizes:\n- 1\n- 2\n"
+VERBS = ("plan", "repro", "doctor", "clean", "mlflow sync", "real")
 PAPER = "# how many\nsteps: 200  # denoising\nsizes:\n- 1\n- 2\n"
 
 
@@ -281,6 +282,61 @@ def test_doctor_names_torn_weights_and_other_versions(project: Path) -> None:
     (finding,) = check_lock(project)
     assert finding.level == "warning"
     assert "(locked 0.0.1)" in finding.sentence
+
+
+@pytest.fixture
+def unlisted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The user of a container that was started with a number of its own."""
+
+    def unknown(uid: int) -> None:
+        raise KeyError(f"getpwuid(): uid not found: {uid}")
+
+    monkeypatch.setattr("pwd.getpwuid", unknown)
+    for name in ("HOME", "LOGNAME", "USER", "LNAME", "USERNAME"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.mark.usefixtures("unlisted")
+@pytest.mark.parametrize("missing", ["HOME", "LOGNAME"])
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_user_without_home_or_name_is_one_sentence(
+    project: Path, monkeypatch: pytest.MonkeyPatch, verb: str, missing: str
+) -> None:
+    if missing == "LOGNAME":
+        monkeypatch.setenv("HOME", str(project))
+    result = pcrdiff(*verb.split())
+    assert result.exit_code == 1
+    assert f"user {os.getuid()} is not in" in result.stderr
+    assert f"set {missing} to" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.usefixtures("unlisted")
+@pytest.mark.parametrize("name", ["LOGNAME", "USER"])
+def test_a_user_who_is_not_listed_may_have_both(
+    project: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setenv("HOME", str(project))
+    monkeypatch.setenv(name, "somebody")
+    assert pcrdiff("clean", "--dry-run").exit_code == 0
+
+
+@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("inside", ["another repository", "nothing"])
+def test_every_verb_refuses_a_folder_that_is_no_project_and_leaves_nothing_there(
+    project: Path, monkeypatch: pytest.MonkeyPatch, inside: str, verb: str
+) -> None:
+    (project / "dvc.yaml").unlink()
+    if inside == "nothing":
+        monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(project))
+    (project / "deep").mkdir()
+    monkeypatch.chdir(project / "deep")
+    before = sorted(project.rglob("*"))
+    result = pcrdiff(*verb.split())
+    assert result.exit_code == 1
+    assert "dvc.yaml and .dvc is needed" in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert sorted(project.rglob("*")) == before
 
 
 @pytest.mark.parametrize(

@@ -219,9 +219,8 @@ stages:
 """
 
 
-@pytest.mark.parametrize("change", ["same size", "one more", "one less"])
 def test_a_local_data_set_that_changed_is_acquired_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
     project, boxes = lay_out(tmp_path), tmp_path / "boxes"
@@ -231,14 +230,14 @@ def test_a_local_data_set_that_changed_is_acquired_again(
         (boxes / name).write_text("one")
     assert go(project) == ["acquire@boxes", "use"]
     (boxes / "a").touch()
-    assert go(project) == []
-    changes: dict[str, Callable[[], object]] = {
-        "same size": lambda: (boxes / "a").write_text("two"),
-        "one more": lambda: (boxes / "c").write_text("two"),
-        "one less": (boxes / "a").unlink,
-    }
-    changes[change]()
-    assert dict(plan_stages(project, []))["acquire@boxes"] == "its local files changed"
-    assert go(project) == ["acquire@boxes", "use"]
-    assert (project / "used").read_bytes() == (project / "raw" / "manifest.json").read_bytes()
+    assert list(plan_stages(project, [])) == []
+    changes: list[Callable[[], object]] = [
+        lambda: (boxes / "a").write_text("two"),
+        lambda: (boxes / "c").write_text("two"),
+    ]
+    for change in changes:
+        change()
+        assert dict(plan_stages(project, []))["acquire@boxes"] == "its local files changed"
+        assert go(project) == ["acquire@boxes", "use"]
+        assert (project / "used").read_bytes() == (project / "raw/manifest.json").read_bytes()
     assert list(plan_stages(project, [])) == []
