@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
+from pipeline.stage import sentence
+
 if TYPE_CHECKING:
     from pipeline.doctor import Level
 
@@ -21,8 +23,8 @@ class OneSentence(TyperGroup):
         """Run the command."""
         try:
             return super().invoke(ctx)
-        except (ValueError, OSError) as error:
-            typer.echo(f"pcrdiff: {' '.join(str(error).split())}", err=True)
+        except (ValueError, OSError, MemoryError, OverflowError, RecursionError) as error:
+            typer.echo(f"pcrdiff: {sentence(error)}", err=True)
             raise typer.Exit(1) from error
 
 

@@ -11,6 +11,7 @@ from pydantic import Field
 from pipeline.sections import (
     Count,
     Fusion,
+    MultipleOfFour,
     Normals,
     Positive,
     Representation,
@@ -105,14 +106,14 @@ class Mixture(Section):
 class Graph(Section):
     """DCP; the features' size is a multiple of the transformer's four heads."""
 
-    feature_dim: Annotated[int, Field(ge=4, multiple_of=4)]
+    feature_dim: MultipleOfFour
     neighbours: Count
 
 
 class RepeatedMatching(Section):
     """RPMNet and EGST."""
 
-    feature_dim: Annotated[int, Field(ge=4, multiple_of=4)]
+    feature_dim: MultipleOfFour
     neighbours: Count
     radius: Positive
     train_updates: Count
@@ -137,7 +138,7 @@ class CorrespondenceFree(Diffused):
 class CorrespondenceBased(Diffused):
     """PCRDiffusion CB."""
 
-    feature_dim: Annotated[int, Field(ge=4, multiple_of=4)]
+    feature_dim: MultipleOfFour
     neighbours: Count
     radius: Positive
     sinkhorn_iterations: Count

@@ -1,8 +1,9 @@
 """The typed face of params.yaml: one frozen model per section, nothing optional, nothing extra."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import radians
 from pathlib import Path
+from reprlib import Repr
 from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
@@ -12,6 +13,8 @@ from pipeline.sections import (
     Count,
     Fraction,
     Fusion,
+    Length,
+    Name,
     Normals,
     Positive,
     Representation,
@@ -20,6 +23,7 @@ from pipeline.sections import (
     SearchPrecision,
     Section,
     WithOrWithout,
+    Workers,
 )
 from pipeline.yaml_files import read_yaml
 
@@ -39,7 +43,7 @@ class Run(Section):
 class Compute(Section):
     """Where independent work is done: pairs made, registered, ablated. No result depends on it."""
 
-    workers: Count
+    workers: Workers
     """One-threaded processes on this machine; of those with several ``threads`` there are fewer."""
     scheduler: Annotated[str, Field(pattern=r"^(tcp|tls)://\S+:\d+$")] | None
     """Address of a ``dask scheduler`` whose workers do it instead."""
@@ -111,9 +115,9 @@ class Scenario(Section):
     num_points: Count
     sampling: Literal["copies", "independent"]
     max_rotation_deg: Annotated[float, Field(ge=0, le=180)]
-    max_translation: Annotated[float, Field(ge=0)]
-    jitter_deviation: Annotated[float, Field(ge=0)]
-    jitter_clip: Annotated[float, Field(ge=0)]
+    max_translation: Length
+    jitter_deviation: Length
+    jitter_clip: Length
     keep: Annotated[float, Field(gt=0, le=1)]
     normals: Normals
     """``given`` keeps the data set's own in the pair file, for methods that are told to use them."""
@@ -155,9 +159,9 @@ class Optimisation(Section):
 class Train(Section):
     """Training, one section per learned method."""
 
-    devices: Count
+    devices: Workers
     """Processes on each host, each with a batch of its own; on GPUs where there are any."""
-    nodes: Count
+    nodes: Workers
     """Hosts."""
     poses: Literal["fixed", "fresh"]
     pointnetlk: Optimisation
@@ -201,7 +205,7 @@ class Noise(Section):
     scenario: str
     """On whose pairs the learned methods were trained."""
     methods: Listed[str]
-    deviations: Listed[Annotated[float, Field(ge=0)]]
+    deviations: Listed[Length]
 
 
 class WalkShown(Section):
@@ -250,13 +254,13 @@ class Params(Section):
     """All of params.yaml."""
 
     profile: str
-    seed: Annotated[int, Field(ge=0)]
-    threads: Count
+    seed: Annotated[int, Field(ge=0, lt=2**63)]
+    threads: Workers
     search_precision: SearchPrecision
     compute: Compute
     run: Run
-    acquire: dict[str, Acquire]
-    scenarios: dict[str, Scenario]
+    acquire: dict[Name, Acquire]
+    scenarios: dict[Name, Scenario]
     diffusion: Diffusion
     methods: Methods
     train: Train
@@ -266,6 +270,8 @@ class Params(Section):
 
     @model_validator(mode="after")
     def _names_agree(self) -> "Params":
+        _differ_in_more_than_case("acquire", self.acquire)
+        _differ_in_more_than_case("scenarios", self.scenarios)
         _same("run.scenarios", self.run.scenarios, "scenarios", list(self.scenarios))
         for name, scenario in self.scenarios.items():
             if scenario.dataset not in self.acquire:
@@ -363,6 +369,15 @@ def _check_answers(where: str, method: str, answers: str) -> None:
         raise ValueError(f"{where}.answers needs {needed!r}, got {answers!r}")
 
 
+def _differ_in_more_than_case(where: str, names: Iterable[str]) -> None:
+    """Some disks take such names for one."""
+    seen: dict[str, str] = {}
+    for name in names:
+        other = seen.setdefault(name.lower(), name)
+        if other != name:
+            raise ValueError(f"{where} has {other!r} and {name!r}, which differ in case only")
+
+
 def _same(a_name: str, a: Sequence[str], b_name: str, b: Sequence[str]) -> None:
     if set(a) != set(b):
         raise ValueError(f"{a_name} needs the same names as {b_name}: {set(a) ^ set(b)} differ")
@@ -390,7 +405,17 @@ def read_params(path: Path = Path("params.yaml")) -> Params:
         return Params.model_validate(read_yaml(path))
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the file"
-        got = f", got {first['input']!r}" if not isinstance(first["input"], dict) else ""
+        where = ".".join(str(part) for part in first["loc"] if part != "[key]") or "the file"
+        got = f", got {_shown(first['input'])}" if not isinstance(first["input"], dict) else ""
         message = first["msg"].removeprefix("Value error, ")
-        raise ValueError(f"{path}: {where}: {message}{got}") from error
+        raise ValueError(f"{path}: {' '.join(where.split())}: {message}{got}") from error
+
+
+def _shown(value: object) -> str:
+    """Return the beginning of a value's repr; of a list or a number of any length, too."""
+    short = Repr()
+    short.maxstring = short.maxlong = short.maxother = 100
+    try:
+        return short.repr(value)
+    except ValueError:  # Python writes out no integer of thousands of digits
+        return "thousands of digits"

@@ -1,12 +1,17 @@
 """What the sections of params.yaml are made of."""
 
+import re
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 Fraction = Annotated[float, Field(ge=0, lt=1)]
-Positive = Annotated[float, Field(gt=0)]
-Count = Annotated[int, Field(ge=1)]
+Positive = Annotated[float, Field(gt=0, le=1e9)]
+Length = Annotated[float, Field(ge=0, le=1e9)]
+Count = Annotated[int, Field(ge=1, le=10**9)]
+MultipleOfFour = Annotated[int, Field(ge=4, multiple_of=4, le=10**9)]
+Workers = Annotated[int, Field(ge=1, le=10_000)]
+"""Processes, threads or hosts. No bound is near what is of use, nor near what overflows."""
 Normals = Literal["given", "estimated"]
 """The data set's own, clean, or read off the points that a method is given."""
 Representation = Literal["quaternion", "euler", "rotation_6d", "twist", "dual_quaternion", "matrix"]
@@ -21,7 +26,25 @@ SettingName = Literal["paper", "official"]
 """The paper's iteration counts, or the authors' own settings."""
 
 
+TAKEN = ("ablations", "times", "walks")
+"""Folders beside those of the scenarios."""
+
+
+def _check_name(name: str) -> str:
+    """Names are parts of paths, of commands, of DVC's keys and of its stages."""
+    if name.lower() in TAKEN:
+        raise ValueError(f"a name needs to be none of {', '.join(TAKEN)}, which are folders")
+    if not re.fullmatch(r"(?=.*[A-Za-z])[A-Za-z0-9][A-Za-z0-9_-]{0,63}", name):
+        rule = "1 to 64 of A-Z, a-z, 0-9, _ and -, a letter among them, the first no _ or -"
+        raise ValueError(f"a name needs {rule}")
+    return name
+
+
+Name = Annotated[str, AfterValidator(_check_name)]
+"""Of a data set or a scenario."""
+
+
 class Section(BaseModel):
     """A part of params.yaml; an unknown, missing or ill-typed key is refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)

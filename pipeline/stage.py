@@ -9,6 +9,18 @@ def run(main: Callable[[], None]) -> None:
     """Run a stage's main; what a user can mend is said in one sentence, without a traceback."""
     try:
         main()
-    except (ValueError, OSError, RuntimeError) as error:
+    except (ValueError, OSError, RuntimeError, MemoryError, OverflowError) as error:
         name = main.__module__ if main.__module__ != "__main__" else Path(sys.argv[0]).stem
-        sys.exit(f"{name}: {' '.join(str(error).split())}")
+        sys.exit(f"{name}: {sentence(error)}")
+
+
+def sentence(error: Exception) -> str:
+    """Return what an error says, on one line; of those that name no cause, the cause too."""
+    said = " ".join(str(error).split())
+    causes = {
+        MemoryError: "the memory is too small",
+        OverflowError: "a number is too large",
+        RecursionError: "something is nested too deeply",
+    }
+    cause = next((cause for kind, cause in causes.items() if isinstance(error, kind)), "")
+    return ": ".join(part for part in (cause, said) if part)

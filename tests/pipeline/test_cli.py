@@ -124,6 +124,26 @@ def test_an_unknown_profile_is_one_sentence_that_names_the_known() -> None:
     assert "paper, quick" in result.stderr
 
 
+@pytest.mark.parametrize(
+    ("error", "expected"),
+    [
+        (MemoryError(), "pcrdiff: the memory is too small"),
+        (OverflowError("int too large"), "pcrdiff: a number is too large: int too large"),
+        (RecursionError("depth"), "pcrdiff: something is nested too deeply: depth"),
+    ],
+)
+def test_what_is_too_large_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, error: Exception, expected: str
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("pipeline.profiles.write_profile", fail)
+    done = pcrdiff("profile", "quick")
+    assert done.exit_code == 1
+    assert done.stderr == f"{expected}\n"
+
+
 def test_params_that_are_not_yaml_are_one_sentence(project: Path) -> None:
     (project / "params.yaml").write_text("steps: [")
     result = pcrdiff("profile", "paper")

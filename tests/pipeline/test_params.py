@@ -1,6 +1,6 @@
 """params.yaml is refused in one sentence that names the file and the key."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from pipeline.params import read_params
-from tests.described import read_repository_params, write_yaml
+from pipeline.params import Params, read_params
+from tests.described import REPOSITORY, read_repository_params, write_yaml
 
 Change = Callable[[dict[str, Any]], Any]
 
@@ -126,6 +126,125 @@ WRONG: dict[str, tuple[Change, str]] = {
 def test_refuses(tmp_path: Path, name: str) -> None:
     change, expected = WRONG[name]
     assert expected in sentence(tmp_path, change)
+
+
+RULE = "a name needs 1 to 64 of A-Z, a-z, 0-9, _ and -, a letter among them, the first no _ or -"
+
+
+def rename(params: dict[str, Any], section: str, old: str, new: str) -> None:
+    """Give a data set or a scenario another name, wherever it is named."""
+    params[section] = {new if k == old else k: value for k, value in params[section].items()}
+    for scenario in params["scenarios"].values():
+        if section == "acquire" and scenario["dataset"] == old:
+            scenario["dataset"] = new
+    if section == "scenarios":
+        names = params["run"]["scenarios"]
+        params["run"]["scenarios"] = [new if name == old else name for name in names]
+        for key in [k for k, each in params["trainings"].items() if each["scenario"] == old]:
+            training = params["trainings"].pop(key) | {"scenario": new}
+            params["trainings"][f"{new}-{training['method']}"] = training
+
+
+@pytest.mark.parametrize("section", ["acquire", "scenarios"])
+@pytest.mark.parametrize(
+    "name",
+    ["model_v1.0", "a b", "it's", "..", ".", "", "-x", "--help", "_x", "a/b", "a\\b", "a@b",
+     "a:b", "a,b", "a#", "$(x)", "${a}", "a*", "café", "数据", "a\nb", "a\n", "x" * 65, "12"],
+)  # fmt: skip
+def test_refuses_a_name_that_breaks_a_path_or_a_command(
+    tmp_path: Path, section: str, name: str
+) -> None:
+    said = sentence(tmp_path, lambda p: rename(p, section, "kitti", name))
+    assert said.startswith(f"{section}.{' '.join(name.split())}")
+    assert f": {RULE}, got " in said
+
+
+@pytest.mark.parametrize("section", ["acquire", "scenarios"])
+@pytest.mark.parametrize("name", ["Ablations", "times", "walks"])
+def test_refuses_a_name_that_is_a_folder_of_results(
+    tmp_path: Path, section: str, name: str
+) -> None:
+    said = sentence(tmp_path, lambda p: rename(p, section, "kitti", name))
+    assert f"{section}.{name}: a name needs to be none of ablations, times, walks" in said
+
+
+@pytest.mark.parametrize("section", ["acquire", "scenarios"])
+def test_refuses_names_that_differ_in_case_only(tmp_path: Path, section: str) -> None:
+    said = sentence(tmp_path, lambda p: rename(p, section, "kitti", "3DMatch"))
+    assert f"{section} has '3dmatch' and '3DMatch', which differ in case only" in said
+
+
+@pytest.mark.parametrize("section", ["acquire", "scenarios"])
+@pytest.mark.parametrize("name", ["x", "3d", "2026-11-a_b", "Kitti", "x" * 64])
+def test_accepts_a_name_that_fits_everywhere(tmp_path: Path, section: str, name: str) -> None:
+    params = read_repository_params()
+    rename(params, section, "kitti", name)
+    write_yaml(tmp_path / "params.yaml", params)
+    assert name in getattr(read_params(tmp_path / "params.yaml"), section)
+
+
+def numbers(values: Any, *keys: Any) -> Iterator[tuple[Any, ...]]:  # noqa: ANN401  YAML
+    """The keys that lead to each number."""
+    if isinstance(values, dict | list):
+        entries = values.items() if isinstance(values, dict) else enumerate(values)
+        for key, value in entries:
+            yield from numbers(value, *keys, key)
+    elif isinstance(values, int | float):
+        yield keys
+
+
+@pytest.mark.parametrize("number", [float("inf"), float("-inf"), float("nan"), 10**12, 2**128])
+def test_no_number_is_without_bounds(number: float) -> None:
+    params = read_repository_params()
+    for *outer, last in list(numbers(params)):
+        if outer == [] and last == "seed" and number == 10**12:
+            continue
+        place: Any = params
+        for key in outer:
+            place = place[key]
+        kept, place[last] = place[last], number
+        with pytest.raises(ValidationError) as refused:
+            Params.model_validate(params)
+        place[last] = kept
+        first = refused.value.errors()[0]
+        assert first["loc"] == (*outer, last)
+        assert first["msg"].startswith("Input should be ")
+
+
+LARGE: dict[str, tuple[Change, str]] = {
+    "a seed of 128 bits": (lambda p: p.update(seed=2**127),
+        f"seed: Input should be less than {2**63}, got {2**127}"),
+    "an infinite length": (lambda p: p["scenarios"]["kitti"].update(max_translation=float("inf")),
+        "scenarios.kitti.max_translation: Input should be a finite number, got inf"),
+    "more points than there is room for": (
+        lambda p: p["scenarios"]["kitti"].update(num_points=10**12),
+        f"scenarios.kitti.num_points: Input should be less than or equal to {10**9}, got {10**12}"),
+    "more threads than any machine has": (lambda p: p.update(threads=10**6),
+        "threads: Input should be less than or equal to 10000, got 1000000"),
+    "a long list": (lambda p: p.update(seed=[0] * 10**4), "got [0, 0, 0, 0, 0, 0, ...]"),
+    "a long text": (lambda p: p.update(seed="x" * 10**4), "got 'xxx"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_refuses_what_is_too_large(tmp_path: Path, name: str) -> None:
+    change, expected = LARGE[name]
+    said = sentence(tmp_path, change)
+    assert expected in said
+    assert len(said) < 400
+
+
+def test_refuses_a_number_that_python_does_not_write_out(tmp_path: Path) -> None:
+    path = tmp_path / "params.yaml"
+    text = (REPOSITORY / "params.yaml").read_text()
+    path.write_text(text.replace("seed: 7", f"seed: 0x{'f' * 5000}"))
+    with pytest.raises(ValueError, match=r"params\.yaml: seed: Input should be"):
+        read_params(path)
+
+
+def test_the_largest_seed_is_accepted(tmp_path: Path) -> None:
+    write_yaml(tmp_path / "params.yaml", read_repository_params() | {"seed": 2**63 - 1})
+    assert read_params(tmp_path / "params.yaml").seed == 2**63 - 1
 
 
 def test_refuses_what_is_not_yaml(tmp_path: Path) -> None:

@@ -39,6 +39,22 @@ def test_what_a_user_can_mend_becomes_one_sentence(error: Exception) -> None:
     assert ending(error) == f"{__name__}: a.h5 needs schema 1"
 
 
+@pytest.mark.parametrize(
+    ("error", "expected"),
+    [
+        (MemoryError(), "the memory is too small"),
+        (
+            MemoryError("Unable to allocate\n8 TiB"),
+            "the memory is too small: Unable to allocate 8 TiB",
+        ),
+        (OverflowError("int too large"), "a number is too large: int too large"),
+        (RecursionError("maximum depth"), "something is nested too deeply: maximum depth"),
+    ],
+)
+def test_what_is_too_large_becomes_one_sentence(error: Exception, expected: str) -> None:
+    assert ending(error) == f"{__name__}: {expected}"
+
+
 def test_a_disk_error_names_its_file() -> None:
     said = ending(OSError(28, "No space left on device", "out.h5"))
     assert said == f"{__name__}: [Errno 28] No space left on device: 'out.h5'"

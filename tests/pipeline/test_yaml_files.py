@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from dvc.utils.hydra import apply_overrides
 from dvc.utils.serialize import load_yaml
 
 from pipeline.params import read_params
@@ -61,12 +62,12 @@ def test_anchors_and_merged_keys_are_read(tmp_path: Path) -> None:
     assert read_yaml(path) == {"a": {"b": 1}, "c": {"b": 1, "d": 2}, "e": {"b": 1}}
 
 
-def test_params_that_dvc_has_changed_are_read(tmp_path: Path) -> None:
-    params = read_repository_params()
-    params["train"]["pcrnet"]["learning_rate"] = 1e-5
-    write_yaml(tmp_path / "params.yaml", params)
-    assert "1e-05" in (tmp_path / "params.yaml").read_text()
-    assert read_params(tmp_path / "params.yaml").train.pcrnet.learning_rate == 1e-5
+@pytest.mark.parametrize("text", ["1e-5", "1e-05", "1E-5", "0.00001", "1.0e-5"])
+def test_params_that_dvc_has_set_are_read(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "params.yaml"
+    write_yaml(path, read_repository_params())
+    apply_overrides(path, [f"train.pcrnet.learning_rate={text}"])
+    assert read_params(path).train.pcrnet.learning_rate == 1e-5
 
 
 def test_a_seed_is_the_one_that_dvc_compares(tmp_path: Path) -> None:
