@@ -60,6 +60,10 @@ class Epoch:
     val_error_t: float | None
 
 
+class NotFiniteError(ArithmeticError):
+    """A loss or a gradient that no step can be taken from."""
+
+
 @runtime_checkable
 class Checkpoint(Protocol):
     """Where a killed training is picked up again."""
@@ -144,9 +148,12 @@ class Trainer:
             rate = self.learning_rate(epoch, batch)
             for group in self.optimizer.param_groups:
                 group["lr"] = rate
-            terms = self.loss(pairs.to(self.processes.device), generator=generator)
-            total = torch.stack(list(terms.values())).sum()
-            self._step(total * (generator.share.weight * self.processes.count))
+            try:
+                terms = self.loss(pairs.to(self.processes.device), generator=generator)
+                total = torch.stack(list(terms.values())).sum()
+                self._step(total * (generator.share.weight * self.processes.count))
+            except (NotFiniteError, torch.linalg.LinAlgError) as error:  # type: ignore[attr-defined]
+                raise RuntimeError(self._what_failed(epoch, batch, error)) from error
             part = generator.share.count
             for name, value in {"loss": total, **terms}.items():
                 sums[name] = sums.get(name, 0.0) + value.item() * part / self.pairs_per_epoch
@@ -156,8 +163,23 @@ class Trainer:
         """Follow the gradient, cut to length 10; of several processes, the mean of theirs."""
         self.optimizer.zero_grad()
         torch.autograd.backward(loss)
-        torch.nn.utils.clip_grad_norm_(self.method.parameters(), 10.0, error_if_nonfinite=True)
+        norm = torch.nn.utils.clip_grad_norm_(self.method.parameters(), 10.0)
+        if not torch.isfinite(torch.stack([norm, loss.detach()])).all():
+            raise NotFiniteError(f"loss {loss.item():g}, gradient of length {norm.item():g}")
         self.optimizer.step()
+
+    def _what_failed(self, epoch: int, batch: int, error: Exception) -> str:
+        """The sentence on a step that was not taken; it names the whole batch, of all processes."""
+        items = self.train.item[self._drawn(epoch)[batch]].tolist()
+        return (
+            f"{self.method.name} needs a finite loss and gradient, got a non-finite one in epoch "
+            f"{epoch} from the pairs of items {items}: {str(error).splitlines()[0]}"
+        )
+
+    def _drawn(self, epoch: int) -> tuple[Tensor, ...]:
+        """The training pairs of each batch of an epoch, by their place among all."""
+        order = np.random.default_rng([self.seed, epoch]).permutation(len(self.train))
+        return torch.split(torch.from_numpy(order[: self.pairs_per_epoch]), self.batch_size)
 
     def _total(self, losses: Mapping[str, float]) -> dict[str, float]:
         """The losses of all processes from the parts of each."""
@@ -166,9 +188,7 @@ class Trainer:
 
     def _batches(self, epoch: int) -> Iterator[tuple[Share, Pairs]]:
         """This process's share of each batch, and the pairs that it holds."""
-        order = np.random.default_rng([self.seed, epoch]).permutation(len(self.train))
-        drawn = torch.from_numpy(order[: self.pairs_per_epoch])
-        for batch in torch.split(drawn, self.batch_size):
+        for batch in self._drawn(epoch):
             share = Share(len(batch), self.processes.rank, self.processes.count)
             chosen = batch[share.rows]
             pairs = self.train.select(chosen)
@@ -262,7 +282,7 @@ def train(
         The weights of the best validated epoch, and the curve.
 
     Raises:
-        RuntimeError: A gradient is not finite.
+        RuntimeError: A loss or gradient is not finite; the sentence names the pairs of its batch.
     """
     saved = trainer.processes.of_first(checkpoint.load())
     if saved is None:

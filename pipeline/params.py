@@ -121,6 +121,8 @@ class Scenario(Section):
     keep: Annotated[float, Field(gt=0, le=1)]
     normals: Normals
     """``given`` keeps the data set's own in the pair file, for methods that are told to use them."""
+    degenerate: Literal["refuse", "drop"]
+    """What becomes of a shape whose points are on one line or in one place."""
 
     @property
     def max_rotation(self) -> float:

@@ -3,12 +3,21 @@
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from pcrdiff.data import kitti, modelnet40, threedmatch
 from pcrdiff.data.acquisition import read_digests, read_manifest, read_source
-from pcrdiff.data.raw import RawItem
-from pcrdiff.data.scenarios import Corruption, Split, choose_shown, make_pairs, split_items
+from pcrdiff.data.raw import DegenerateShape, RawItem
+from pcrdiff.data.scenarios import (
+    Corruption,
+    Shown,
+    Split,
+    choose_shown,
+    find_degenerate,
+    make_pairs,
+    split_items,
+)
 from pcrdiff.registration import Pairs
 from pcrdiff.spreading import Spread, in_turn
 from pipeline.artifacts import Streamed
@@ -40,6 +49,8 @@ class Preprocessed:
     """Made as they are written."""
     label: str
     attributes: Mapping[str, object]
+    dropped: Mapping[str, Sequence[str]]
+    """Per split, the shape of each pair that was left out as degenerate."""
 
 
 def preprocess(
@@ -59,7 +70,8 @@ def preprocess(
     Raises:
         FileNotFoundError: The raw data set is not there, or a file of it is gone.
         ValueError: A raw file is malformed, too small for the scenario, or lacks normals that the
-            scenario wants given: also while the pairs are made.
+            scenario wants given: also while the pairs are made. A shape is degenerate, and the
+            scenario does not drop such, or drops all of a split.
     """
     root = read_manifest(raw, base=project_root())
     items = READERS[family](root)
@@ -77,12 +89,18 @@ def preprocess(
         scenario.keep,
         scenario.normals,
     )
-    splits = {}
+    splits, dropped = {}, dict[str, list[str]]()
     for split, index in chosen.items():
         seeds = [stream(seed, f"{name}/{split}")]
-        shown = choose_shown(index, getattr(scenario.pairs, split), seeds)
+        every = choose_shown(index, getattr(scenario.pairs, split), seeds)
+        find = partial(find_degenerate, items, every, corruption, seeds, bar, spread)
+        shown: Shown = every
+        if scenario.degenerate == "drop":
+            numbers = find()
+            dropped[split] = [items[every[k]].name for k in numbers]
+            shown = _without(every, numbers, f"{scenario.dataset} {split}")
         blocks = make_pairs(items, shown, corruption, seeds, bar, spread)
-        splits[split] = Streamed(len(shown), _of(scenario.dataset, blocks))
+        splits[split] = Streamed(len(shown), _of(scenario.dataset, blocks, find))
     source, sha256 = read_source(raw)
     provenance = {
         "dataset": scenario.dataset,
@@ -90,11 +108,14 @@ def preprocess(
         "files_sha256": sha256,
         "items": {split: len(index) for split, index in chosen.items()},
         "licence": SYNTHETIC_LICENCE if source == "synthetic" else LICENCES[family],
-        "scenario": scenario.model_dump(),
+        "scenario": scenario.model_dump(exclude={"degenerate"}),
     }
+    dropped = {split: names for split, names in dropped.items() if names}
+    if dropped:
+        provenance["dropped_as_degenerate"] = dropped
     label = "category" if family == "modelnet40" else "scene"
     attributes = {"scenario": name, "unit": "unit sphere", "seed": seed, "provenance": provenance}
-    return Preprocessed(splits, label, attributes)
+    return Preprocessed(splits, label, attributes, dropped)
 
 
 def find_doubled(
@@ -136,9 +157,30 @@ def _place(item: RawItem) -> str:
     return item.name if item.sha256 or item.file is None else str(item.file)
 
 
-def _of(dataset: str, blocks: Iterator[Pairs]) -> Iterator[Pairs]:
-    """The same blocks; what is wrong with one is said of the data set."""
+def _without(shown: Sequence[int], numbers: Sequence[int], where: str) -> dict[int, int]:
+    """What is shown by the other pairs, under their own numbers, so that they are drawn alike."""
+    kept = {k: i for k, i in enumerate(shown) if k not in set(numbers)}
+    if not kept:
+        raise ValueError(
+            f"{where} needs a shape that is not degenerate, got {len(shown)} on one line each or in "
+            "one place"
+        )
+    return kept
+
+
+def _of(
+    dataset: str, blocks: Iterator[Pairs], find: Callable[[], Sequence[int]]
+) -> Iterator[Pairs]:
+    """The same blocks; what is wrong with one is said of the data set.
+
+    ``find`` tells which pairs are degenerate: asked when the first is met, to say how many.
+    """
     try:
         yield from blocks
+    except DegenerateShape as error:
+        raise ValueError(
+            f"{dataset}: {error}, which is one of {len(find())} degenerate pairs of its split; "
+            "`degenerate: drop` of the scenario leaves them out"
+        ) from error
     except ValueError as error:
         raise ValueError(f"{dataset}: {error}") from error

@@ -28,7 +28,9 @@ def main(argv: list[str] | None = None) -> None:
         spread = spread_over(params.compute, threads=1)
         made = preprocess(args.scenario, section, family, args.raw, seed=params.seed, spread=spread)
         write_pairs(args.pairs, made.splits, made.label, made.attributes)
-        notes.metrics({f"{name}_pairs": split.count for name, split in made.splits.items()})
+        pairs = {f"{name}_pairs": split.count for name, split in made.splits.items()}
+        dropped = {f"{name}_dropped": len(shapes) for name, shapes in made.dropped.items()}
+        notes.metrics(pairs | dropped)
 
 
 if __name__ == "__main__":

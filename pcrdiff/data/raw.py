@@ -18,6 +18,10 @@ FARTHEST_COORDINATE = 1e3
 """No scan, fragment or unit sphere reaches as far; bytes of another type or order do at once."""
 
 
+class DegenerateShape(ValueError):
+    """A shape of which no pose can be read: all of it is on one line or in one place."""
+
+
 @dataclass(frozen=True)
 class Mesh:
     """A triangle mesh."""
@@ -138,7 +142,8 @@ def sample_points(
     """Draw points: uniform by area on a mesh, a random subset without repetition of a cloud.
 
     Raises:
-        ValueError: The cloud holds fewer than ``count`` points, or the mesh has no area.
+        ValueError: The cloud holds fewer than ``count`` points.
+        DegenerateShape: The mesh has no area.
     """
     if isinstance(surface, Mesh):
         return _sample_mesh(surface, count, generator)[0]
@@ -196,7 +201,7 @@ def _sample_mesh(
     across = [ab[y] * ac[z] - ab[z] * ac[y] for y, z in ((1, 2), (2, 0), (0, 1))]
     areas = np.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2)
     if not areas.sum() > 0:
-        raise ValueError(f"sample_points needs a mesh with area, got {len(areas)} flat faces")
+        raise DegenerateShape(f"sample_points needs a mesh with area, got {len(areas)} flat faces")
     faces = _choose(areas / areas.sum(), count, generator)
     u, v = generator.random((2, count))
     outside = u + v > 1

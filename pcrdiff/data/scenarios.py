@@ -19,11 +19,14 @@ from pcrdiff.data.corruption import (
     shuffle,
     unit_sphere,
 )
-from pcrdiff.data.raw import Mesh, RawItem, sample_oriented, sample_points
+from pcrdiff.data.raw import DegenerateShape, Mesh, RawItem, sample_oriented, sample_points
+from pcrdiff.geometry.span import spans_plane
 from pcrdiff.progress import Progress, silent
 from pcrdiff.registration import SPLITS, Normals, Pairs
 from pcrdiff.spreading import Spread, in_turn
 
+Shown = Sequence[int] | Mapping[int, int]
+"""Which item each pair shows; by the pairs' own numbers where some are left out."""
 BLOCK = 16
 """Pairs that are made, handed over and written together."""
 
@@ -141,10 +144,12 @@ def make_pair(
     (Eq. 3: Q = G P). Given normals are three more channels of both.
 
     Raises:
-        ValueError: The item has too few points or no extent, or lacks normals that are to be given.
+        ValueError: The item has too few points, or lacks normals that are to be given.
+        DegenerateShape: The points of a cloud are on one line or in one place.
     """
     sample = sample_oriented if corruption.normals == "given" else sample_points
     drawn = sample(surface, corruption.num_points, generator=generator)
+    _check_extent(drawn)
     centre, scale = unit_sphere(drawn)
     source = target = rescale(drawn, centre, scale)
     if corruption.sampling == "independent":
@@ -152,6 +157,8 @@ def make_pair(
         target = rescale(other, centre, scale)
     source = crop(source, corruption.keep, generator=generator)
     target = crop(target, corruption.keep, generator=generator)
+    _check_extent(source)
+    _check_extent(target)
     pose = draw_pose(corruption.max_rotation, corruption.max_translation, generator=generator)
     target = move(target, pose)
     if corruption.jitter_deviation > 0:
@@ -161,15 +168,25 @@ def make_pair(
     return source, shuffle(target, generator=generator), pose
 
 
+def _check_extent(points: Cloud) -> None:
+    """Refuse a cloud that could be turned unseen: no pose is to be read from it."""
+    if not spans_plane(points[:, :3]):
+        distinct = len(np.unique(points[:, :3], axis=0))
+        raise DegenerateShape(
+            f"a pair needs a cloud with extent in two directions, got {distinct} distinct points on "
+            "one line or in one place"
+        )
+
+
 def make_pairs(
     items: Sequence[RawItem],
-    shown: Sequence[int],
+    shown: Shown,
     corruption: Corruption,
     seed: Sequence[int],
     progress: Progress = silent,
     spread: Spread = in_turn,
 ) -> Iterator[Pairs]:
-    """A pair of each item that is ``shown``, in blocks of at most ``BLOCK``; few are held at once.
+    """The pairs that are ``shown``, in blocks of at most ``BLOCK``; few are held at once.
 
     Pair k draws from its own generator, seeded ``(*seed, k)``: it does not depend on which pairs
     were made before, nor where.
@@ -177,19 +194,52 @@ def make_pairs(
     Raises:
         ValueError: An item cannot be read, is too small, or lacks normals that are to be given;
             the sentence names it.
+        DegenerateShape: See :func:`make_pair`; the sentence names the item.
     """
-    numbers = range(0, len(shown), BLOCK)
-    blocks = (
-        [(k, items[shown[k]]) for k in range(len(shown))[start : start + BLOCK]]
-        for start in numbers
-    )
+    numbered = _numbered(shown)
+    numbers = range(0, len(numbered), BLOCK)
+    blocks = _cut(items, numbered)
     made = spread(partial(_make_block, corruption=corruption, seed=seed), blocks)
     watched = progress(numbers, f"pairs, {BLOCK} at a time")
     for start, block in zip(watched, made, strict=True):
-        index = shown[start : start + BLOCK]
+        index = [i for _, i in numbered[start : start + BLOCK]]
         source, target, poses, *normals = map(torch.from_numpy, block)
         group = tuple(items[i].group for i in index)
         yield Pairs(source, target, poses, torch.tensor(index), group, *normals)
+
+
+def find_degenerate(
+    items: Sequence[RawItem],
+    shown: Shown,
+    corruption: Corruption,
+    seed: Sequence[int],
+    progress: Progress = silent,
+    spread: Spread = in_turn,
+) -> list[int]:
+    """The numbers of the pairs that :func:`make_pairs` would refuse as degenerate.
+
+    Raises:
+        ValueError: What else it refuses.
+    """
+    numbered = _numbered(shown)
+    found = spread(
+        partial(_degenerate_of_block, corruption=corruption, seed=seed), _cut(items, numbered)
+    )
+    watched = progress(range(0, len(numbered), BLOCK), f"shapes looked at, {BLOCK} at a time")
+    return [k for _, block in zip(watched, found, strict=True) for k in block]
+
+
+def _numbered(shown: Shown) -> list[tuple[int, int]]:
+    """Each pair's number, and the item that it shows."""
+    return list(shown.items() if isinstance(shown, Mapping) else enumerate(shown))
+
+
+def _cut(
+    items: Sequence[RawItem], numbered: Sequence[tuple[int, int]]
+) -> Iterator[list[tuple[int, RawItem]]]:
+    """The numbered items, block by block."""
+    for start in range(0, len(numbered), BLOCK):
+        yield [(k, items[i]) for k, i in numbered[start : start + BLOCK]]
 
 
 def choose_shown(index: Sequence[int], count: int | None, seed: Sequence[int]) -> list[int]:
@@ -207,15 +257,35 @@ def _make_block(
     numbered: Sequence[tuple[int, RawItem]], corruption: Corruption, seed: Sequence[int]
 ) -> list[np.ndarray]:
     """Sources, targets and poses of some pairs, and both clouds' normals where they are given."""
-    made = []
-    for k, item in numbered:
-        generator = np.random.default_rng([*seed, k])
-        try:
-            made.append(make_pair(item.read(), corruption, generator=generator))
-        except ValueError as error:
-            raise ValueError(f"no pair of {item.name}: {error}") from error
+    made = [_make_numbered(k, item, corruption, seed) for k, item in numbered]
     *clouds, poses = (np.stack(part) for part in zip(*made, strict=True))
     source, target = (cloud.astype(np.float32) for cloud in clouds)
     if corruption.normals == "estimated":
         return [source, target, poses]
     return [source[..., :3], target[..., :3], poses, source[..., 3:], target[..., 3:]]
+
+
+def _make_numbered(
+    k: int, item: RawItem, corruption: Corruption, seed: Sequence[int]
+) -> tuple[Cloud, Cloud, Float64[np.ndarray, "4 4"]]:
+    """Pair k; what is wrong with its item is said by name."""
+    try:
+        generator = np.random.default_rng([*seed, k])
+        return make_pair(item.read(), corruption, generator=generator)
+    except DegenerateShape as error:
+        raise DegenerateShape(f"no pair of {item.name}: {error}") from error
+    except ValueError as error:
+        raise ValueError(f"no pair of {item.name}: {error}") from error
+
+
+def _degenerate_of_block(
+    numbered: Sequence[tuple[int, RawItem]], corruption: Corruption, seed: Sequence[int]
+) -> list[int]:
+    """The numbers of those pairs whose shape is degenerate."""
+    found = []
+    for k, item in numbered:
+        try:
+            _make_numbered(k, item, corruption, seed)
+        except DegenerateShape:
+            found.append(k)
+    return found

@@ -286,6 +286,46 @@ def test_refuses_a_gradient_that_is_not_finite_and_keeps_the_weights(value: floa
     assert weights_of(trainer) == before
 
 
+MARK = 77.0
+
+
+def broken(how: str, weight: Tensor) -> Tensor:
+    """A term that is not finite, or whose gradient is not, or that LAPACK refuses."""
+    if how == "decomposition":
+        values: Tensor = torch.linalg.eigvalsh(weight * torch.full((3, 3), math.nan))
+        return values.sum()
+    return {
+        "loss": 0 * weight * math.nan,
+        "overflow": weight + math.inf,
+        "gradient": (0 * weight).sqrt(),  # 0, of infinite slope
+    }[how]
+
+
+@pytest.mark.parametrize("how", ["loss", "overflow", "gradient", "decomposition"])
+def test_what_is_not_finite_is_said_with_the_items_of_its_batch(
+    how: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Pairs 0 to 9 show items 100 to 109; that of pair 3 breaks."""
+    whole, plain, batches = make_trainer(fresh=None), Tiny.loss, list[list[int]]()
+    whole.train.source[3] = MARK
+
+    def breaking(self: Tiny, pairs: Pairs, *, generator: torch.Generator) -> Mapping[str, Tensor]:
+        batches.append(pairs.item.tolist())
+        terms = plain(self, pairs, generator=generator)
+        if not (pairs.source == MARK).any():
+            return terms
+        return {**terms, "broken": broken(how, next(self.parameters()).sum())}
+
+    monkeypatch.setattr(Tiny, "loss", breaking)
+    pairs = replace(whole.train, item=torch.arange(100, 110))
+    trainer = Trainer(Tiny(), pairs, whole.val, BUDGET, None, seed=3)
+    with pytest.raises(RuntimeError, match=r"^tiny needs a finite loss and gradient, ") as refused:
+        trainer.run_epoch(0)
+    assert 103 in batches[-1]
+    assert f" in epoch 0 from the pairs of items {batches[-1]}: " in str(refused.value)
+    assert all(torch.isfinite(value).all() for value in trainer.method.state_dict().values())
+
+
 def test_halvings_worked_by_hand() -> None:
     assert halvings([], 0) == 0
     assert halvings([3.0, 2.0, 1.0], 0) == 0

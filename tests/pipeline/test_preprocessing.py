@@ -124,7 +124,8 @@ def test_the_record_tells_where_the_pairs_come_from() -> None:
     assert len(record["files_sha256"]) == 64
     assert record["items"] == {"train": 6, "val": 3, "test": 3}
     assert record["licence"] == LICENCES["modelnet40"]
-    assert record["scenario"] == scenario().model_dump()
+    assert record["scenario"] == scenario().model_dump(exclude={"degenerate"})
+    assert "dropped_as_degenerate" not in record
     assert (preprocessed.attributes["scenario"], preprocessed.attributes["seed"]) == (SCENARIO, 7)
 
 
@@ -157,6 +158,54 @@ def test_given_normals_of_a_data_set_that_has_none_are_refused_by_its_name(blank
             .splits["train"]
             .blocks
         )
+
+
+def flatten(*names: str) -> None:
+    """Make shapes of the data set lie on one line, whose faces have hardly an area."""
+    for name in names:
+        (path,) = Path("boxes").rglob(f"{name}.off")
+        points = "\n".join(f"{k / 10} {k / 5} {3 * k / 10}" for k in (1, 2, 3, 4))
+        path.write_text(f"OFF\n4 2 0\n{points}\n3 0 1 2\n3 1 2 3\n")
+    run_instance(instance("acquire@modelnet40"))
+
+
+@pytest.mark.usefixtures("project")
+def test_a_degenerate_shape_is_refused_by_name_and_count_and_with_the_way_out() -> None:
+    flatten("bed_0002", "chair_0002")
+    with pytest.raises(
+        ValueError,
+        match=r"^modelnet40: no pair of bed_0002: .*, which is one of 2 degenerate pairs of its "
+        r"split; `degenerate: drop` of the scenario leaves them out$",
+    ):
+        made()
+
+
+@pytest.mark.usefixtures("project")
+def test_degenerate_shapes_are_dropped_where_the_scenario_says_so_and_told() -> None:
+    before = made(degenerate="drop")["train"]
+    assert torch.equal(before.source, made()["train"].source)
+    shapes = prepared(pairs={"train": 8, "val": None, "test": None}, degenerate="drop")
+    assert shapes.dropped == {}
+    flatten("bed_0002", "chair_0002", "sofa_0004")
+    after = made(degenerate="drop")
+    assert {split: len(pairs) for split, pairs in after.items()} == {
+        "train": 4,
+        "val": 3,
+        "test": 2,
+    }
+    kept = [k for k in range(6) if before.item[k] in after["train"].item]
+    assert torch.equal(after["train"].target, before.target[kept])
+    told = prepared(degenerate="drop")
+    record: Any = told.attributes["provenance"]
+    assert told.dropped == {"train": ["bed_0002", "chair_0002"], "test": ["sofa_0004"]}
+    assert record["dropped_as_degenerate"] == told.dropped
+
+
+@pytest.mark.usefixtures("project")
+def test_a_split_of_degenerate_shapes_alone_is_refused() -> None:
+    flatten(*(f"{category}_0004" for category in CATEGORIES))
+    with pytest.raises(ValueError, match=r"^modelnet40 test needs a shape .* degenerate, got 3 on"):
+        made(degenerate="drop")
 
 
 def test_every_family_of_params_has_a_reader_and_a_licence(repository: Path) -> None:

@@ -7,7 +7,15 @@ import pytest
 
 from pcrdiff.registration import SPLITS
 from pipeline.artifacts import read_attributes, read_pairs
-from tests.tiny import PAIRS, SCENARIO, files_below, instance, run_instance
+from tests.tiny import (
+    PAIRS,
+    SCENARIO,
+    files_below,
+    instance,
+    run_instance,
+    tiny_params,
+    write_params,
+)
 
 
 def test_writes_a_pair_file_that_is_read(project: Path) -> None:
@@ -40,3 +48,21 @@ def test_the_journal_tells_how_many_pairs_there_are() -> None:
     events = [json.loads(line) for path in journals for line in path.read_text().splitlines()]
     (metrics,) = [event["values"] for event in events if event["event"] == "metrics"]
     assert metrics == {"train_pairs": 6, "val_pairs": 3, "test_pairs": 3}
+
+
+@pytest.mark.usefixtures("blank")
+def test_what_was_dropped_is_in_the_journal_by_count_and_in_the_pair_file_by_name() -> None:
+    params = tiny_params()
+    params["scenarios"][SCENARIO]["degenerate"] = "drop"
+    write_params(params)
+    line = "\n".join(f"{k / 10} {k / 5} {3 * k / 10}" for k in (1, 2, 3))
+    (flat,) = Path("boxes").rglob("sofa_0004.off")
+    flat.write_text(f"OFF\n3 1 0\n{line}\n3 0 1 2\n")
+    run_instance(instance("acquire@modelnet40"))
+    run_instance(instance(f"preprocess@{SCENARIO}"))
+    journals = Path(".pcrdiff/journal").glob("*/journal.jsonl")
+    events = [json.loads(line) for path in journals for line in path.read_text().splitlines()]
+    (metrics,) = [event["values"] for event in events if event["event"] == "metrics"]
+    assert metrics == {"train_pairs": 6, "val_pairs": 3, "test_pairs": 2, "test_dropped": 1}
+    assert read_attributes(PAIRS)["provenance"]["dropped_as_degenerate"] == {"test": ["sofa_0004"]}
+    assert len(read_pairs(PAIRS, "test")) == 2

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 import torch
 
-from pcrdiff.data.raw import Cloud, Mesh, RawItem
+from pcrdiff.data.raw import Cloud, DegenerateShape, Mesh, RawItem
 from pcrdiff.data.scenarios import (
     BLOCK,
     Corruption,
     Split,
     choose_shown,
+    find_degenerate,
     make_pair,
     make_pairs,
     split_items,
@@ -271,6 +272,69 @@ def test_refuses_an_item_that_is_too_small_or_unreadable_by_its_name() -> None:
     flat = RawItem("chair_8", "chair", None, lambda: np.ones((50, 3)))
     with pytest.raises(ValueError, match=r"no pair of chair_8: .* needs a cloud with extent"):
         make([flat], [0], None, PLAIN, [0])
+
+
+ALONG = np.linspace(-1, 1, 60)[:, None]
+DEGENERATE: dict[str, Cloud | Mesh] = {
+    "line": ALONG * [[0.3, -0.2, 0.1]] + 5,
+    "line in float32": (ALONG * [[0.3, -0.2, 0.1]] + 5).astype(np.float32).astype(np.float64),
+    "two points": np.eye(3)[[0, 1] * 30],
+    "equal points": np.ones((60, 3)),
+    "two heaps": np.eye(3)[[0, 1] * 30] + 1e-9 * np.random.default_rng(0).normal(size=(60, 3)),
+    "flat faces": Mesh(np.arange(9.0).reshape(3, 3), np.array([[0, 1, 2]])),
+    "slivers": Mesh(
+        np.linspace(0, 1, 6)[:, None] * [[0.1, 0.2, 0.3]], np.array([[0, 1, 2], [3, 4, 5]])
+    ),
+}
+
+
+@pytest.mark.parametrize("shape", DEGENERATE)
+@pytest.mark.parametrize("corruption", [PLAIN, replace(PLAIN, jitter_deviation=0.01, keep=0.7)])
+def test_a_degenerate_shape_is_refused_by_its_name_and_found_by_its_number(
+    shape: str, corruption: Corruption
+) -> None:
+    item = RawItem("chair_9", "chair", None, lambda: DEGENERATE[shape])
+    items = [*make_items(("a",), 20), item]
+    shown = [*range(18), 20, 18, 20]
+    with pytest.raises(DegenerateShape, match=r"^no pair of chair_9: .* needs a "):
+        make(items, shown, None, corruption, [7])
+    assert find_degenerate(items, shown, corruption, [7]) == [18, 20]
+
+
+def test_a_crop_that_leaves_a_line_is_found_too() -> None:
+    handle = np.hstack([np.linspace(1, 9, 50)[:, None], np.zeros((50, 2))])
+    broom = RawItem("broom", "tool", None, lambda: np.vstack([handle, 0.01 * surface(0, 10)]))
+    shown = [0] * 40
+    corruption = replace(PLAIN, num_points=60, keep=0.5)
+    found = find_degenerate([broom], shown, corruption, [7])
+    assert 0 < len(found) < 40
+    rest = {k: 0 for k in range(40) if k not in found}
+    assert len(joined(make_pairs([broom], rest, corruption, [7]))) == len(rest)
+
+
+def test_pairs_that_are_left_out_change_no_other() -> None:
+    items = make_items(("a", "b"), 20)
+    every = make(items, range(40), None, PLAIN, [7])
+    kept = [k for k in range(40) if k not in (0, 17, 18)]
+    some = joined(make_pairs(items, {k: k for k in kept}, PLAIN, [7]))
+    for name in ("source", "target", "T_target_source", "item"):
+        assert torch.equal(getattr(some, name), getattr(every, name)[kept])
+    assert some.group == tuple(every.group[k] for k in kept)
+
+
+@pytest.mark.parametrize(
+    "shape", [surface(0) * [[1, 1, 0]], surface(0) * [[1, 1e-3, 0]], np.eye(3)[[0, 1, 2] * 20]]
+)
+def test_flat_and_narrow_shapes_are_none(shape: Cloud) -> None:
+    item = RawItem("plate", "plate", None, lambda: shape)
+    assert len(make([item], [0], None, PLAIN, [7])) == 1
+    assert find_degenerate([item], [0], PLAIN, [7]) == []
+
+
+def test_a_shape_that_cannot_be_read_is_no_degenerate_one() -> None:
+    small = RawItem("chair_6", "chair", None, partial(surface, 0, 39))
+    with pytest.raises(ValueError, match="no pair of chair_6: sample_points needs 40 points"):
+        find_degenerate([small], [0], PLAIN, [0])
 
 
 def ball(seed: int) -> Cloud:
