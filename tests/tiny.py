@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+import yaml
 
 from pipeline.stage import run
-from tests.described import REPOSITORY, Instance, expand, read_repository_params, write_yaml
+from tests.described import REPOSITORY, Instance, expand, read_repository_params
 
 SCENARIO = "modelnet40-unseen_objects"
 CF, CB = "pcrdiffusion_cf", "pcrdiffusion_cb"
@@ -82,7 +83,7 @@ def tiny_params() -> dict[str, Any]:
 
 def write_params(params: dict[str, Any]) -> None:
     """Write params.yaml into the project that is the current folder."""
-    write_yaml(Path("params.yaml"), params)
+    Path("params.yaml").write_text(yaml.safe_dump(params, sort_keys=False), encoding="utf-8")
 
 
 def write_box(path: Path, sides: list[float]) -> None:
