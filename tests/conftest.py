@@ -28,13 +28,21 @@ def real_data() -> Path:
 
 
 @pytest.fixture(autouse=True)
-def default_search() -> Iterator[None]:
-    """Each test begins in the library's own precision, whatever the one before has set."""
+def unsettled() -> Iterator[None]:
+    """Each test begins with a process that no stage has settled, whatever ran before it."""
+    unsettle()
+    yield
+    unsettle()
+
+
+def unsettle() -> None:
+    """Undo what ``pipeline.machine.settle`` does to torch."""
     from pcrdiff.geometry.precision import set_search_precision  # the hook above comes first
 
     set_search_precision("float32")
-    yield
-    set_search_precision("float32")
+    torch.use_deterministic_algorithms(False)
+    torch.set_flush_denormal(False)
+    torch.set_num_threads(1)
 
 
 @pytest.fixture(params=["with bfloat16", "without bfloat16"])
