@@ -13,6 +13,7 @@ install_import_hook(("pcrdiff",), "beartype.beartype")
 settings.register_profile("pcrdiff", deadline=None, derandomize=True)
 settings.load_profile("pcrdiff")
 torch.set_num_threads(1)
+os.environ["DVC_NO_ANALYTICS"] = "1"  # else each of DVC's commands leaves a process that calls home
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
