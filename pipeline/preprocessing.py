@@ -108,7 +108,7 @@ def preprocess(
         "files_sha256": sha256,
         "items": {split: len(index) for split, index in chosen.items()},
         "licence": SYNTHETIC_LICENCE if source == "synthetic" else LICENCES[family],
-        "scenario": scenario.model_dump(exclude={"degenerate"}),
+        "scenario": {key: v for key, v in scenario.model_dump().items() if key != "degenerate"},
     }
     dropped = {split: names for split, names in dropped.items() if names}
     if dropped:
