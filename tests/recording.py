@@ -38,9 +38,9 @@ class RecordingSection:
         value = getattr(self._section, name)
         return value if name in self._replaced else recorded(value, self._key(name), self._reads)
 
-    def model_dump(self, exclude: set[str] | None = None) -> "RecordingDict":
+    def model_dump(self) -> "RecordingDict":
         """Its content; what is taken out of it is noted when it is taken."""
-        content = self._section.model_dump(exclude=exclude)
+        content = self._section.model_dump()
         return RecordingDict(content, self._path, self._reads, True, self._replaced)
 
     def model_copy(self, *, update: dict[str, Any]) -> "RecordingSection":
