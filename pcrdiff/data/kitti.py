@@ -12,6 +12,7 @@ from pcrdiff.data.names import check_names, list_files, list_folders, refuse_sev
 from pcrdiff.data.number_rows import Line, read_lines, read_number
 from pcrdiff.data.raw import (
     FARTHEST_COORDINATE,
+    NEAREST_COORDINATE,
     Cloud,
     RawItem,
     RecordedPair,
@@ -26,15 +27,14 @@ OTHER_LAYOUTS = {
     "float64 x, y, z, reflectance": ("<f8", 4),
     "big-endian float32 x, y, z, reflectance": (">f4", 4),
     "float32 x, y, z, intensity, ring": ("<f4", 5),
+    "float32 x, y, z, 1, intensity and three zeros": ("<f4", 8),
     "float64 x, y, z": ("<f8", 3),
     "float32 x, y, z": ("<f4", 3),
 }
 """What else scans are saved as: type and numbers per point, the likelier reading first."""
 REFLECTANCE_TOLERANCE = 0.01
 """How far a re-encoded reflectance may lie outside 0..1."""
-NEAREST_COORDINATE = 1e-3
-"""A scan whose points all lie nearer is none, but bytes of another type."""
-LEAST_DISTINCT = 0.5
+LEAST_DISTINCT = 0.75
 """The share of a scan's points that lie at places of their own; all of a recorded one do."""
 SEQUENCES_WITH_POSES = 11
 """The official data set publishes the poses of sequences 00 to 10; 11 to 21 have none."""
@@ -147,8 +147,12 @@ def _is_reflectance(values: Float[np.ndarray, " points"]) -> bool:
 
 
 def _count_distinct(cloud: Float64[np.ndarray, "points 3"]) -> int:
-    """Count the places, by their projections onto an oblique line: it takes a tenth of the time."""
-    return len(np.unique(cloud @ np.array([1.0, np.pi, np.e])))
+    """Count the places, by their projections onto an oblique line: it takes a tenth of the time.
+
+    Without those on the x axis: no lidar sees its own place, and padding reads as such points.
+    """
+    seen = cloud[(cloud[:, 1] != 0) | (cloud[:, 2] != 0)]
+    return len(np.unique(seen @ np.array([1.0, np.pi, np.e])))
 
 
 def _likely_layout(content: bytes) -> str:

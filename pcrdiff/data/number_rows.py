@@ -17,7 +17,9 @@ NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 """Neither ``nan`` nor ``1_000``, which ``float`` reads too."""
 COUNT = re.compile(r"[0-9]{1,18}")
 """A number of lines or points, or of a file, that 64 bits hold."""
-COMMENT = re.compile(rb"(?<!\S)#[^\r\n]*")
+COMMENT = re.compile(
+    rb"#(?<!\S#)[^\r\n]*"
+)  # looks back from the ``#``, so that it is searched fast
 """From a ``#`` that begins a line or stands after a blank; within a word it is a fault."""
 SHOWN = 60
 """How much of a line is shown."""
@@ -72,6 +74,27 @@ def _decode(content: bytes, path: Path, first: int) -> str:
             f"0x{error.object[error.start]:02x}: it may be in Latin-1"
         ) from error
     return text.replace("\r\n", "\n")
+
+
+def check_width(lines: Sequence[Line], width: int, path: Path, form: str) -> None:
+    """Refuse a line of more or fewer words than the others: it belongs to something else.
+
+    Args:
+        lines: The lines.
+        width: How many words each needs.
+        path: The file, for the message.
+        form: What a line looks like, for the message: ``vertices `x y z```.
+
+    Raises:
+        ValueError: A line has another number of words.
+    """
+    for line in lines:
+        found = len(line.text.split())
+        if found != width:
+            raise ValueError(
+                f"{path}, line {line.number}, needs {form}, {width} numbers, got {found} in "
+                f"{line.text.strip()[:SHOWN]!r}"
+            )
 
 
 def read_rows(
@@ -142,6 +165,8 @@ def parse_rows(
     Returns:
         None where the text is anything else; what it is then, is for a patient reader to find out.
     """
+    if kind == "whole" and (b"x" in text or b"X" in text):  # Arrow would read 0x10 as 16
+        return None
     rows = _parse(text, num_columns, kind)
     rows = _parse(_single_blanks(text), num_columns, kind) if rows is None else rows
     good = rows is not None and len(rows) == num_rows and np.isfinite(rows).all()

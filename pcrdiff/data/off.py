@@ -12,6 +12,7 @@ from pcrdiff.data.number_rows import (
     COUNT,
     SHOWN,
     Line,
+    check_width,
     parse_rows,
     read_rows,
     split_lines,
@@ -111,7 +112,10 @@ def _read_header(lines: Sequence[Line], path: Path) -> tuple[int, int, int]:
 
 
 def _read_vertices(lines: Sequence[Line], path: Path) -> Float64[np.ndarray, "v 3"]:
-    return check_cloud(read_rows(lines, range(3), path, "vertices `x y z`"), str(path))
+    vertices = read_rows(lines, range(3), path, "vertices `x y z`")
+    # Colours may follow, at every vertex alike; a line of another width is a face.
+    check_width(lines, len(lines[0].text.split()), path, "vertices `x y z` like the first one")
+    return check_cloud(vertices, str(path))
 
 
 def _read_faces(lines: Sequence[Line], path: Path) -> Int64[np.ndarray, "f 3"]:

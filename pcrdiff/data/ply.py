@@ -9,7 +9,14 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64
 
-from pcrdiff.data.number_rows import COUNT, SHOWN, read_rows, split_lines, without_comments
+from pcrdiff.data.number_rows import (
+    COUNT,
+    SHOWN,
+    check_width,
+    read_rows,
+    split_lines,
+    without_comments,
+)
 from pcrdiff.data.raw import Cloud, Oriented, check_cloud, check_extent
 
 NUMBERS = {
@@ -34,6 +41,8 @@ class Header:
     """Bytes until the first point."""
     num_lines: int
     """Lines until the first point."""
+    alone: bool
+    """Whether nothing but points is announced."""
 
     @property
     def columns(self) -> list[str]:
@@ -48,7 +57,7 @@ def read_ply(path: Path) -> Cloud | Oriented:
     Raises:
         FileNotFoundError: No such file.
         ValueError: No PLY file, vertices that do not come first or lack a coordinate, fewer of
-            them than announced, none at all, one that is not finite, or, in a binary file, one
+            them than announced, or more where nothing else may follow, none at all, one that is not finite, or, in a binary file, one
             too far away (see ``check_extent``).
     """
     if not path.is_file():
@@ -89,7 +98,7 @@ def _parse_header(lines: list[list[str]], size: int, path: Path) -> Header:
     named = tuple((name, NUMBERS[number]) for number, name in properties)
     if not {"x", "y", "z"} <= dict(named).keys() or len(dict(named)) != len(named):
         raise ValueError(f"{path} needs vertices with one x, y and z, got {properties}")
-    return Header(formats[0], int(vertex[2]), named, size, len(lines) + 1)
+    return Header(formats[0], int(vertex[2]), named, size, len(lines) + 1, len(starts) == 1)
 
 
 def _read_binary(path: Path, header: Header) -> Float64[np.ndarray, "points channels"]:
@@ -97,13 +106,24 @@ def _read_binary(path: Path, header: Header) -> Float64[np.ndarray, "points chan
     layout = np.dtype([(name, order + number) for name, number in header.properties])
     there = (path.stat().st_size - header.size) // layout.itemsize
     count = min(header.count, there)  # before so much memory is asked for
+    if header.alone and there > header.count:
+        raise ValueError(
+            f"{path} needs the {header.count} points of {layout.itemsize} bytes it announces, its "
+            f"size is that of {there}: its numbers may be of another type"
+        )
     vertices = np.fromfile(path, dtype=layout, count=count, offset=header.size)
     return np.stack([vertices[name].astype(np.float64) for name in header.columns], axis=1)
 
 
 def _read_text(path: Path, header: Header) -> Float64[np.ndarray, "points channels"]:
     content = without_comments(path.read_bytes()[header.size :])
-    lines = split_lines(content, path, first=header.num_lines + 1)[: header.count]
+    lines = split_lines(content, path, first=header.num_lines + 1)
+    if header.alone and len(lines) > header.count:
+        raise ValueError(
+            f"{path} needs the {header.count} points it announces, got {len(lines)} lines"
+        )
     names = [name for name, _ in header.properties]
-    columns = [names.index(name) for name in header.columns]
-    return read_rows(lines, columns, path, f"vertices `{' '.join(names)}`")
+    columns, form = [names.index(name) for name in header.columns], f"vertices `{' '.join(names)}`"
+    points = read_rows(lines[: header.count], columns, path, form)
+    check_width(lines[: header.count], len(names), path, form)
+    return points

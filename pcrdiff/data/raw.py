@@ -16,6 +16,8 @@ Wide, because the field's own ground truth drifts: 5e-4 in 3DMatch's red kitchen
 
 FARTHEST_COORDINATE = 1e3
 """No scan, fragment or unit sphere reaches as far; bytes of another type or order do at once."""
+NEAREST_COORDINATE = 1e-3
+"""None lies wholly nearer to its origin; letters and whole numbers do, read as floats."""
 
 
 class DegenerateShape(ValueError):
@@ -96,9 +98,15 @@ def check_extent(cloud: Float64[np.ndarray, "points channels"], where: str) -> C
         where: The file, for the message.
 
     Raises:
-        ValueError: A coordinate of ``FARTHEST_COORDINATE`` or more.
+        ValueError: A coordinate of ``FARTHEST_COORDINATE`` or more, or all of them below
+            ``NEAREST_COORDINATE`` though not all are 0.
     """
     largest = float(np.abs(cloud[:, :3]).max())
+    if 0 < largest < NEAREST_COORDINATE:
+        raise ValueError(
+            f"{where} needs coordinates that reach {NEAREST_COORDINATE:g}, got {largest:.3g} at "
+            "most: its numbers may be of another type or byte order, or text"
+        )
     if largest >= FARTHEST_COORDINATE:
         raise ValueError(
             f"{where} needs coordinates below {FARTHEST_COORDINATE:g}, got {largest:.3g}: its "
@@ -142,7 +150,8 @@ def sample_points(
     """Draw points: uniform by area on a mesh, a random subset without repetition of a cloud.
 
     Raises:
-        ValueError: The cloud holds fewer than ``count`` points.
+        ValueError: The cloud holds fewer than ``count`` points, or the mesh is too large for its
+            area to be a number.
         DegenerateShape: The mesh has no area.
     """
     if isinstance(surface, Mesh):
@@ -198,8 +207,14 @@ def _sample_mesh(
     i, j, k = (np.ascontiguousarray(mesh.faces[:, corner]) for corner in range(3))
     corner = [x[i] for x in columns]
     ab, ac = ([x[end] - x0 for x, x0 in zip(columns, corner, strict=True)] for end in (j, k))
-    across = [ab[y] * ac[z] - ab[z] * ac[y] for y, z in ((1, 2), (2, 0), (0, 1))]
-    areas = np.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2)
+    with np.errstate(over="ignore", invalid="ignore"):  # refused below
+        across = [ab[y] * ac[z] - ab[z] * ac[y] for y, z in ((1, 2), (2, 0), (0, 1))]
+        areas = np.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2)
+    if not np.isfinite(areas.sum()):
+        largest = np.abs(mesh.vertices).max()
+        raise ValueError(
+            f"sample_points needs a mesh whose area is a number, its coordinates reach {largest:g}"
+        )
     if not areas.sum() > 0:
         raise DegenerateShape(f"sample_points needs a mesh with area, got {len(areas)} flat faces")
     faces = _choose(areas / areas.sum(), count, generator)

@@ -53,7 +53,8 @@ class GICP:
             )
         if len(result.correspondence_set) == 0:
             raise ValueError(
-                f"{self.name} needs points within {self.max_distance} of each other, got none"
+                f"{self.name} needs points within {self.max_distance} of each other where it "
+                "ends, got none"
             )
         pose = check_matches(self.name, p_cloud, q_cloud, result, self.max_distance)
         T_q_p = torch.from_numpy(pose)

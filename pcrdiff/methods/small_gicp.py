@@ -9,6 +9,7 @@ from torch import Tensor
 
 from pcrdiff.classical import check_pose, check_support, ransac_fpfh
 from pcrdiff.geometry.rigid import transform
+from pcrdiff.geometry.span import TOLERANCE
 from pcrdiff.registration import check_clouds
 
 
@@ -64,10 +65,19 @@ class SmallGICP:
             num_threads=1,
         )
         pose = np.array(result.T_target_source)
-        if not result.converged and (pose == start).all():
+        moved = result.converged or (pose != start).any()
+        if not (moved or _lies_on(source, target, start)):
             raise ValueError(f"{self.name} needs a step that brings the clouds nearer, found none")
         check_support(self.name, *_matches(source, target, pose, reach), f"within {reach}")
         return check_pose(self.name, pose)
+
+
+def _lies_on(
+    source: Float[Tensor, "n 3"], target: Float[Tensor, "m 3"], pose: Float64[np.ndarray, "4 4"]
+) -> bool:
+    """Whether the pose lays the whole source on the target, so that no step can better it."""
+    length = float(max(source.abs().max(), target.abs().max()))
+    return len(_matches(source, target, pose, TOLERANCE * length)[0]) == len(source)
 
 
 def _matches(

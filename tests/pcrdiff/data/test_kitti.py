@@ -177,13 +177,27 @@ def test_refuses_a_scan_that_is_implausible_whatever_its_layout(tmp_path: Path) 
         (7, 1, -1000.0, r"coordinates below 1000, got 1e\+03"),
         (7, 3, 1.5, r"reflectances in 0\.\.1"),
         (7, 3, -1.0, r"reflectances in 0\.\.1"),
-        (slice(20, None), slice(None), 0.0, "its 48 lie at 21 places only"),
+        (slice(20, None), slice(None), 0.0, "its 48 lie at 20 places only"),
+        (slice(30, None), slice(1, 3), 0.0, "its 48 lie at 30 places only"),
     ):
         scan = make_scan()
         scan[row, column] = value
         path.write_bytes(scan.tobytes())
         with pytest.raises(ValueError, match=rf"000000\.bin needs .*{message}"):
             read_scan(path)
+
+
+def test_refuses_points_that_are_padded_to_32_bytes_and_text(tmp_path: Path) -> None:
+    scan, path = make_scan(), tmp_path / "000000.bin"
+    padded = np.zeros((len(scan), 8), "<f4")
+    padded[:, :3], padded[:, 3], padded[:, 4] = scan[:, :3], 1, scan[:, 3]
+    path.write_bytes(padded.tobytes())
+    with pytest.raises(ValueError, match=r"000000\.bin needs distinct .*three zeros$"):
+        read_scan(path)
+    text = "\n".join(" ".join(f"{number:.3f}" for number in point) for point in np.abs(scan))
+    path.write_bytes(text.encode()[: len(text) // 16 * 16])
+    with pytest.raises(ValueError, match=r"000000\.bin needs coordinates that reach 0\.001, got"):
+        read_scan(path)
 
 
 def test_refuses_to_pair_without_calibration_or_poses(tmp_path: Path) -> None:

@@ -35,6 +35,12 @@ def test_reads_comments_blank_lines_windows_line_ends_and_colours(tmp_path: Path
     assert len(mesh.vertices) == 4
 
 
+def test_reads_vertices_with_colours(tmp_path: Path) -> None:
+    coloured = SQUARE.replace("\n", " 0 0 9 1\n")
+    mesh = read_off(write(tmp_path, f"OFF\n4 1 0\n{coloured}3 0 1 2\n"))
+    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+
+
 def test_cuts_a_polygon_into_a_fan(tmp_path: Path) -> None:
     mesh = read_off(write(tmp_path, f"OFF\n4 2 0\n{SQUARE}4 0 1 2 3\n3 1 2 3\n"))
     assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [1, 2, 3]]
@@ -63,6 +69,13 @@ def test_cuts_a_polygon_into_a_fan(tmp_path: Path) -> None:
         (f"OFF\n4 1 0\n{SQUARE}3 0 1 {10**20}\n", "line 7, needs faces .* whole numbers"),
         (f"OFF\n4 1 0\n{SQUARE}3 0 1 2#\n", "line 7, needs faces .* whole numbers"),
         (f"OFF\n4 1 0\n{SQUARE.replace('1 1 0', '1 1')}3 0 1 2\n", "line 5, needs vertices"),
+        (
+            f"OFF\n5 1 0\n{SQUARE}3 0 1 2\n3 0 2 3\n",
+            "line 7, needs vertices .*, got 4 in '3 0 1 2'",
+        ),
+        (f"OFF\n4 1 0\n{SQUARE.replace('1 1 0', '1 1 0 9')}3 0 1 2\n", "line 5, needs vertices"),
+        (f"OFF\n4 1 0\n{SQUARE}3 0x0 1 2\n", "line 7, needs faces .* whole numbers"),
+        (f"OFF\n4 1 0\n{SQUARE}0X3 0x0 0x1 0x2\n", "line 7, needs faces .* whole numbers"),
     ],
 )
 def test_refuses_a_broken_mesh_and_names_the_file(tmp_path: Path, text: str, message: str) -> None:

@@ -88,6 +88,42 @@ def test_refuses_a_broken_file_and_names_it(
         read_ply(write(tmp_path, header, content))
 
 
+FACE = "element face 1\nproperty list uchar int vertex_indices\n"
+
+
+@pytest.mark.parametrize(
+    ("header", "content", "message"),
+    [
+        (f"element vertex 3\n{XYZ}{FACE}", "1 1 1\n2 2 2\n3 0 1 0\n", "got 4 in '3 0 1 0'"),
+        (f"element vertex 2\n{XYZ}", "1 1 1 2 2 2\n3 3 3 4 4 4\n", "got 6 in '1 1 1 2 2 2'"),
+        (f"element vertex 2\n{XYZ}", "1 1 1\n2 2 2\n3 3 3\n", "needs the 2 points .*, got 3 lines"),
+    ],
+)
+def test_refuses_lines_that_are_no_vertices_or_too_many(
+    tmp_path: Path, header: str, content: str, message: str
+) -> None:
+    path = write(tmp_path, f"format ascii 1.0\n{header}", content.encode())
+    with pytest.raises(ValueError, match=rf"cloud_bin_0\.ply.* {message}"):
+        read_ply(path)
+
+
+@pytest.mark.parametrize("announced", ["float", "double"])
+def test_refuses_bytes_of_another_type_than_announced(tmp_path: Path, announced: str) -> None:
+    size = {"float": "<f8", "double": "<f4"}[announced]
+    points = np.random.default_rng(0).integers(1, 9, (50, 3)).astype(size).tobytes()
+    xyz = XYZ.replace("float", announced)
+    path = write(tmp_path, f"format binary_little_endian 1.0\nelement vertex 50\n{xyz}", points)
+    with pytest.raises(ValueError, match=r"cloud_bin_0\.ply needs the 50 points"):
+        read_ply(path)
+
+
+def test_refuses_whole_numbers_in_another_order_than_announced(tmp_path: Path) -> None:
+    points = np.array([[1, 2, 3]], ">f4").tobytes()
+    path = write(tmp_path, f"format binary_little_endian 1.0\nelement vertex 1\n{XYZ}", points)
+    with pytest.raises(ValueError, match=r"cloud_bin_0\.ply needs coordinates that reach 0\.001"):
+        read_ply(path)
+
+
 @pytest.mark.parametrize("word", NO_NUMBERS)
 def test_refuses_a_text_with_what_is_no_finite_number(tmp_path: Path, word: str) -> None:
     header = f"format ascii 1.0\ncomment by hand\nelement vertex 2\n{XYZ}"

@@ -179,3 +179,11 @@ def test_points_fall_on_the_faces_that_numpy_would_choose(seed: int) -> None:
     expected = a[chosen] + u * (b - a)[chosen] + v * (c - a)[chosen]
     found = sample_points(mesh, 64, generator=np.random.default_rng(seed))
     np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("length", [1e100, 1e155, 1e300])
+def test_refuses_a_mesh_whose_area_is_no_number(length: float) -> None:
+    corners = length * np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 1]])
+    mesh = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    with pytest.raises(ValueError, match=r"^sample_points needs a mesh whose area is a number"):
+        sample_points(mesh, 5, generator=np.random.default_rng(0))

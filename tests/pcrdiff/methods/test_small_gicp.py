@@ -56,8 +56,17 @@ def test_a_start_that_no_step_was_taken_from_is_no_answer(monkeypatch: pytest.Mo
 
     monkeypatch.setattr(small_gicp, "align", give_up)
     pairs = made_up_pairs(1, 200, generator=seeded(3))
+    noisy = pairs.target + 0.002 * torch.randn(pairs.target.shape, generator=seeded(4))
     with pytest.raises(ValueError, match=r"^small_gicp needs a step that brings the clouds nearer"):
-        METHOD.register(pairs.source, pairs.target, generator=seeded(0))
+        METHOD.register(pairs.source, noisy, generator=seeded(0))
+    answer = METHOD.register(pairs.source, pairs.target, generator=seeded(0))  # lies on it
+    torch.testing.assert_close(answer, pairs.T_target_source, atol=1e-5, rtol=0)
+
+
+def test_a_start_that_cannot_be_bettered_is_an_answer() -> None:
+    grid = torch.cartesian_prod(*[torch.linspace(0, 1, 8)] * 3)[None]
+    answer = METHOD.register(grid, grid, generator=seeded(0))
+    torch.testing.assert_close(answer[0], torch.eye(4).double(), atol=1e-6, rtol=0)
 
 
 @pytest.mark.parametrize(
