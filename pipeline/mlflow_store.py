@@ -34,10 +34,10 @@ def tracking_uri(root: Path) -> str:
     if scheme == "file":
         path = uri.partition(":")[2]
         return uri if path.startswith("/") else (root.resolve() / unquote(path)).as_uri()
-    if scheme or uri in KEYWORDS:
-        return uri
     if re.match(r"[^/]+:\d+(/|$)", uri):
         raise ValueError(f"MLFLOW_TRACKING_URI={uri} names a server: write http://{uri}")
+    if scheme or uri in KEYWORDS:
+        return uri
     return (root.resolve() / uri).as_uri()
 
 

@@ -276,14 +276,14 @@ class Store:
                 self.client.log_artifact(run_id, str(copy), None if folder == "." else folder)
 
     def _log(self, run_id: str, record: Record, params: Mapping[str, str]) -> None:
-        """Write params and metrics."""
+        """Write params and metrics, and wait for them whatever MLflow's variables say."""
         from mlflow.entities import Metric, Param
 
         for some in _batches([Param(*item) for item in sorted(params.items())], PARAMS_BATCH):
-            self.client.log_batch(run_id, params=some)
+            self.client.log_batch(run_id, params=some, synchronous=True)
         metrics = [Metric(_key(p.name), p.value, p.time, p.step) for p in record.points]
         for several in _batches(metrics, BATCH):
-            self.client.log_batch(run_id, metrics=several)
+            self.client.log_batch(run_id, metrics=several, synchronous=True)
 
     def _runs(self, **tags: str) -> "list[Run]":
         """Return the runs that carry all these tags, oldest first.

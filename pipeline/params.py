@@ -11,9 +11,11 @@ from pydantic import Field, ValidationError, model_validator
 from pipeline.method_params import Methods
 from pipeline.sections import (
     Count,
+    Distinct,
     Fraction,
     Fusion,
     Length,
+    Listed,
     Name,
     Normals,
     Positive,
@@ -27,15 +29,14 @@ from pipeline.sections import (
 )
 from pipeline.yaml_files import read_yaml
 
-T = TypeVar("T")
 Named = TypeVar("Named")
 
 
 class Run(Section):
     """Which scenarios there are, and what is run on each of them without training."""
 
-    scenarios: list[str]
-    classical: list[str]
+    scenarios: Distinct[str]
+    classical: Distinct[str]
     report: Literal["results", "real"]
     """Name of the tables under ``reports/``."""
 
@@ -190,7 +191,6 @@ class Training(Section):
 
 DIFFUSED = ("pcrdiffusion_cf", "pcrdiffusion_cb")
 """The methods that walk a pose back from noise."""
-Listed = Annotated[list[T], Field(min_length=1)]
 
 
 class Sampling(Section):
@@ -288,6 +288,9 @@ class Params(Section):
         for where, scenario in self._scenarios_named().items():
             if scenario not in self.scenarios:
                 raise ValueError(f"{where} {scenario!r} is not in scenarios")
+        _check_methods("run.classical", self.run.classical, classical_names())
+        _check_methods("ablation.methods", self.ablation.methods, DIFFUSED)
+        _check_methods("ablation.noise.methods", self.ablation.noise.methods, _all_names())
         self._check_ablated_methods()
         for where, training in self._trainings_named():
             if training not in self.trainings:
@@ -297,8 +300,6 @@ class Params(Section):
 
     def _check_ablated_methods(self) -> None:
         for method in self.ablation.methods:
-            if method not in DIFFUSED:
-                raise ValueError(f"ablation.methods needs some of {list(DIFFUSED)}, got {method!r}")
             for name, given in self._told_by_method().items():
                 if method not in given:
                     raise ValueError(f"{name} needs a number for {method}, has {sorted(given)}")
@@ -362,6 +363,22 @@ def learned_names() -> list[str]:
     return sorted(
         name for name, field in Train.model_fields.items() if field.annotation is Optimisation
     )
+
+
+def classical_names() -> list[str]:
+    """The methods that are not trained."""
+    return sorted(set(Methods.model_fields) - set(learned_names()))
+
+
+def _all_names() -> list[str]:
+    return sorted(Methods.model_fields)
+
+
+def _check_methods(where: str, methods: Iterable[str], known: Sequence[str]) -> None:
+    """DVC makes paths and commands of these names too."""
+    for method in methods:
+        if method not in known:
+            raise ValueError(f"{where} needs some of {list(known)}, got {method!r}")
 
 
 def _check_answers(where: str, method: str, answers: str) -> None:

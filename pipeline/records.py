@@ -88,18 +88,20 @@ def _attempt(folder: Path) -> Record | str | None:
 
 
 def read_record(folder: Path) -> Record | None:
-    """Read one journal; None if not even its first line was written whole.
+    """Read one journal; None if no line was written whole.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: Its lines do not say what the journals of this version say.
+        ValueError: Its lines do not say what the journals of this version say, or the first is gone.
     """
     try:
         events = list(_events(folder / EVENTS))
     except FileNotFoundError:
         return None  # its writer has only just made the folder
-    if not events or events[0].get("event") != "start":
-        return None
+    if not events or events[0]["event"] != "start":
+        if not events or _is_held(folder / LOCK):
+            return None
+        raise ValueError("its first line, which says of what stage it is, was not written whole")
     try:
         return _record(folder, events)
     except (KeyError, TypeError, AttributeError) as error:

@@ -1,7 +1,8 @@
 """What the sections of params.yaml are made of."""
 
 import re
-from typing import Annotated, Literal
+from collections import Counter
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
@@ -42,6 +43,21 @@ def _check_name(name: str) -> str:
 
 Name = Annotated[str, AfterValidator(_check_name)]
 """Of a data set or a scenario."""
+
+
+T = TypeVar("T")
+
+
+def _check_distinct(values: list[T]) -> list[T]:
+    """DVC makes one stage of two equal entries; a stage that goes over a list would do both."""
+    doubled = [value for value, times in Counter(values).items() if times > 1]
+    if doubled:
+        raise ValueError(f"a list needs each of its entries once, has {doubled[0]!r} again")
+    return values
+
+
+Distinct = Annotated[list[T], AfterValidator(_check_distinct)]
+Listed = Annotated[list[T], Field(min_length=1), AfterValidator(_check_distinct)]
 
 
 class Section(BaseModel):

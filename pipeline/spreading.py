@@ -4,9 +4,10 @@ import pickle
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import lru_cache, partial
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from threading import get_ident
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -68,9 +69,26 @@ def _over_processes(
     told = (pickle.dumps(function), threads, search_precision())
     pool = ProcessPoolExecutor(processes, context, _start_worker, told)
     try:
+        _begin(pool, processes)
         yield from _in_order(lambda item: pool.submit(_call_here, item), items, AHEAD * processes)
+    except BrokenProcessPool as error:
+        raise RuntimeError(
+            f"one of {processes} workers was killed, as the system does where memory runs out; "
+            "with a smaller compute.workers less is needed"
+        ) from error
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def _begin(pool: ProcessPoolExecutor, processes: int) -> None:
+    """Start the workers; where the system refuses some, none is left to be waited for."""
+    others = active_children()
+    try:
+        pool.submit(int)
+    except OSError as error:
+        for child in set(active_children()) - set(others):
+            child.kill()
+        raise OSError(f"compute.workers asks for {processes} processes: {error}") from error
 
 
 _here: list[Callable[[Any], Any]] = []

@@ -4,6 +4,9 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+LONGEST = 2000
+"""Characters of a sentence."""
+
 
 def run(main: Callable[[], None]) -> None:
     """Run a stage's main; what a user can mend is said in one sentence, without a traceback."""
@@ -23,4 +26,11 @@ def sentence(error: Exception) -> str:
         RecursionError: "something is nested too deeply",
     }
     cause = next((cause for kind, cause in causes.items() if isinstance(error, kind)), "")
-    return ": ".join(part for part in (cause, said) if part)
+    return _shortened(": ".join(part for part in (cause, said) if part))
+
+
+def _shortened(said: str) -> str:
+    """Leave out the middle of what quotes megabytes; the ends say where, and what was needed."""
+    if len(said) <= LONGEST:
+        return said
+    return f"{said[: LONGEST - 500]} ... {said[-500:]}"

@@ -1,6 +1,7 @@
 """MLFLOW_TRACKING_URI: paths in it start at the project, everything else is MLflow's own."""
 
 import os
+import re
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -68,6 +69,17 @@ def test_what_mlflow_and_its_plugins_know_by_name_reaches_them_as_it_was_given(
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
     assert tracking_uri(tmp_path) == uri
     assert database_file(uri) is None
+
+
+@pytest.mark.parametrize(
+    "uri", ["localhost:5000", "mlflow.example:80/runs", "[::1]:5000", "10.0.0.1:5000"]
+)
+def test_a_server_without_its_scheme_is_told_how_to_write_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, uri: str
+) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"{uri}\n")
+    with pytest.raises(ValueError, match=f"names a server: write http://{re.escape(uri)}$"):
+        tracking_uri(tmp_path)
 
 
 def test_artifacts_lie_where_they_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -354,6 +354,25 @@ def test_a_bad_journal_does_not_hold_up_the_others(
     assert [record.stage for record in shipped_records(project)] == ["train@good"]
 
 
+def test_a_disk_that_is_full_loses_nothing_even_where_mlflow_is_told_not_to_wait(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
+
+    def fails(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setenv("MLFLOW_ENABLE_ASYNC_LOGGING", "true")
+    run_stage(monkeypatch, "train@toy")
+    with monkeypatch.context() as full:
+        full.setattr(SqlAlchemyStore, "log_batch", fails)
+        report = sync(project)
+    assert (report.shipped, report.waiting) == (0, 1)
+    assert "No space left on device" in report.problems[0]
+    assert sync(project).shipped == 1
+    assert by_stage(project)["train@toy"].data.metrics == {"loss": 1.0}
+
+
 @pytest.mark.parametrize(
     "name", ["don't", 'say"so', "a'b\"c`d", "100%", "it''s;--", "it's\\", "grün'☃", "plain"]
 )

@@ -92,6 +92,13 @@ WRONG: dict[str, tuple[Change, str]] = {
     "an ablation of what does not diffuse": (
         lambda p: p["ablation"]["methods"].append("dcp_v2"),
         "ablation.methods needs some of ['pcrdiffusion_cf', 'pcrdiffusion_cb'], got 'dcp_v2'"),
+    "a method that there is not": (lambda p: p["run"]["classical"].append("it's"),
+        "run.classical needs some of ['constant', 'fgr', 'gicp', 'icp', 'icp_centroid', 'identity',"),
+    "a learned method among the others": (lambda p: p["run"]["classical"].append("dcp_v2"),
+        "'small_gicp', 'trimmed_icp'], got 'dcp_v2'"),
+    "noise on a method that there is not": (
+        lambda p: p["ablation"]["noise"]["methods"].append("a b"),
+        "ablation.noise.methods needs some of ['constant', "),
     "an ablation of what is not trained": (
         lambda p: p["trainings"].pop("modelnet40-unseen_objects-pcrdiffusion_cb"),
         "ablation.methods needs 'modelnet40-unseen_objects-pcrdiffusion_cb', which trainings has"),
@@ -126,6 +133,37 @@ WRONG: dict[str, tuple[Change, str]] = {
 def test_refuses(tmp_path: Path, name: str) -> None:
     change, expected = WRONG[name]
     assert expected in sentence(tmp_path, change)
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        ("run", "scenarios"),
+        ("run", "classical"),
+        ("ablation", "methods"),
+        ("ablation", "representations"),
+        ("ablation", "fusions"),
+        ("ablation", "steps"),
+        ("ablation", "hypotheses"),
+        ("ablation", "sampling", "samplers"),
+        ("ablation", "noise", "methods"),
+        ("ablation", "noise", "deviations"),
+    ],
+)
+def test_refuses_a_list_that_names_the_same_twice(tmp_path: Path, keys: tuple[str, ...]) -> None:
+    def double(params: dict[str, Any]) -> None:
+        entries: Any = params
+        for key in keys:
+            entries = entries[key]
+        entries.append(entries[0])
+
+    said = sentence(tmp_path, double)
+    assert said.startswith(f"{'.'.join(keys)}: a list needs each of its entries once, has ")
+
+
+def test_equal_numbers_are_the_same_entry_however_they_are_written(tmp_path: Path) -> None:
+    said = sentence(tmp_path, lambda p: p["ablation"]["noise"]["deviations"].append(0))
+    assert "noise.deviations: a list needs each of its entries once, has 0.0 again" in said
 
 
 RULE = "a name needs 1 to 64 of A-Z, a-z, 0-9, _ and -, a letter among them, the first no _ or -"

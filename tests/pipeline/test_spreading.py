@@ -163,8 +163,35 @@ def test_what_a_worker_raises_is_raised_here_in_its_place() -> None:
 
 
 def test_a_worker_that_dies_is_an_error_and_no_wait() -> None:
-    with pytest.raises(RuntimeError, match="terminated abruptly"):
+    with pytest.raises(RuntimeError, match=r"one of 2 workers was killed, as .* memory"):
         list(spread_over(TWO, threads=1)(die, range(3)))
+
+
+def test_more_workers_than_the_system_allows_is_one_sentence_and_none_is_waited_for() -> None:
+    script = """
+import resource
+from pipeline.params import Compute
+from pipeline.spreading import spread_over
+from pipeline.stage import run
+from tests.pipeline.test_spreading import negate
+
+def main():
+    resource.setrlimit(resource.RLIMIT_NOFILE, (60, 60))
+    list(spread_over(Compute(workers=200, scheduler=None), threads=1)(negate, range(9)))
+
+run(main)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "compute.workers asks for 200 processes: [Errno " in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_workers_do_not_outlive_a_parent_that_is_killed() -> None:

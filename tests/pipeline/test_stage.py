@@ -55,6 +55,14 @@ def test_what_is_too_large_becomes_one_sentence(error: Exception, expected: str)
     assert ending(error) == f"{__name__}: {expected}"
 
 
+@pytest.mark.parametrize("quoted", ["x" * 10**7, "é\n" * 10**6])
+def test_a_sentence_that_quotes_megabytes_keeps_its_beginning_and_its_end(quoted: str) -> None:
+    said = str(ending(ValueError(f"params.yaml: a {quoted} is not in acquire")))
+    assert said.startswith(f"{__name__}: params.yaml: a ")
+    assert said.endswith("is not in acquire")
+    assert len(said) < 2100
+
+
 def test_a_disk_error_names_its_file() -> None:
     said = ending(OSError(28, "No space left on device", "out.h5"))
     assert said == f"{__name__}: [Errno 28] No space left on device: 'out.h5'"

@@ -18,7 +18,7 @@ from pipeline.invocation import (
     process_identity,
     project_root,
 )
-from pipeline.records import Record, read_record, waiting_records
+from pipeline.records import Record, read_record, unreadable_journals, waiting_records
 from pipeline.tracking import content_md5, journal, journals_folder, processor
 
 REPOSITORY = Path(__file__).parents[2]
@@ -134,6 +134,17 @@ def test_a_journal_without_a_whole_first_line_is_no_record(project: Path) -> Non
     folder.mkdir(parents=True)
     (folder / "journal.jsonl").write_text('{"event": "sta')
     assert waiting_records(project) == []
+
+
+@pytest.mark.parametrize("first", ['{"event": "sta', "", "\0" * 40])
+def test_a_journal_that_lost_its_first_line_alone_is_named(project: Path, first: str) -> None:
+    folder = journals_folder(project) / "torn"
+    folder.mkdir(parents=True)
+    rest = '{"event": "metrics", "values": {"loss": 1.0}, "step": null, "time": 1}\n'
+    (folder / "journal.jsonl").write_text(f"{first}\n{rest}")
+    assert waiting_records(project) == []
+    (said,) = unreadable_journals(project)
+    assert said.startswith("journal torn cannot be read: its first line, which says of what stage")
 
 
 def test_a_folder_that_cannot_be_written_costs_a_warning_only(
