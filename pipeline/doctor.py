@@ -143,6 +143,14 @@ def check_others(root: Path) -> Iterator[Finding]:
     yield Finding("ok", "no other DVC works here")
 
 
+def check_dvc_files(root: Path) -> Iterator[Finding]:
+    """DVC can read its config, dvc.yaml and dvc.lock."""
+    from pipeline.planning import open_repo
+
+    open_repo(root)
+    yield Finding("ok", "DVC can read its config, dvc.yaml and dvc.lock")
+
+
 def check_dead_experiments(root: Path) -> Iterator[Finding]:
     """No folders of killed experiments."""
     dead = list(dead_experiments(root))
@@ -224,6 +232,7 @@ CHECKS: tuple[Check, ...] = (
     check_code_in_git,
     check_shell,
     check_others,
+    check_dvc_files,
     check_dead_experiments,
     check_mlflow,
     check_disk,

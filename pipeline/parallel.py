@@ -22,14 +22,13 @@ from typing import Any, NoReturn
 
 import networkx as nx
 from dvc.exceptions import DvcException
-from dvc.repo import Repo
 from dvc.stage.serialize import to_lockfile
 from dvc.utils.serialize import dumps_yaml, parse_yaml
 
 from pipeline.artifacts import write_atomically
 from pipeline.invocation import SHELL, VARIABLE, descendants, process_identity
 from pipeline.locks import check_locks, only_repro
-from pipeline.planning import named, stage_name, stale_manifests
+from pipeline.planning import named, open_repo, stage_name, stale_manifests
 from pipeline.warm import commands_in_forks, preload
 
 LOCK_EVERY = 600.0  # seconds between two writes of dvc.lock, each of which takes some itself
@@ -92,7 +91,7 @@ def _repro(
 ) -> list[Finished]:
     os.environ[VARIABLE] = process_identity(os.getpid())
     os.environ["SHELL"] = SHELL
-    repo = Repo(str(root), _wait_for_lock=True)
+    repo = open_repo(root, wait=True)
     graph = wanted_graph(repo.index.graph, targets)
     for manifest in stale_manifests(root, graph):
         manifest.unlink()  # DVC sees that, and has the data set acquired again

@@ -27,11 +27,38 @@ def plan_stages(root: Path, targets: Sequence[str]) -> Iterator[tuple[str, str]]
         raise ValueError(str(error)) from error
 
 
+def open_repo(root: Path, *, wait: bool = False) -> Any:  # noqa: ANN401  DVC's own
+    """Open the project with DVC, which reads its config, ``dvc.yaml`` and ``dvc.lock`` for that.
+
+    Args:
+        root: The project.
+        wait: Whether DVC later waits for a lock that another holds.
+
+    Raises:
+        ValueError: One of these files is damaged, in conflict or of another DVC.
+    """
+    from dvc.config import ConfigError
+    from dvc.repo import Repo
+    from dvc.utils.serialize import ParseError
+    from dvc.utils.strictyaml import YAMLValidationError
+
+    try:
+        repo = Repo(str(root), _wait_for_lock=wait)
+        _ = repo.index.graph
+    except (ConfigError, ParseError, YAMLValidationError, UnicodeDecodeError) as error:
+        cause = " ".join(str(error.__cause__ or "").split())
+        why = f"{error} ({cause})" if cause else str(error)
+        if isinstance(error, UnicodeDecodeError):  # the others have been named by DVC
+            why = f".dvcignore is not UTF-8 ({error})"
+        remedy = "mend it, or bring back the committed one with `git checkout HEAD -- FILE`"
+        raise ValueError(f"DVC cannot read {root}: {why}: {remedy}") from error
+    return repo
+
+
 def _plan(root: Path, targets: Sequence[str]) -> Iterator[tuple[str, str]]:
     import networkx as nx
-    from dvc.repo import Repo
 
-    repo = Repo(str(root))
+    repo = open_repo(root)
     graph = repo.index.graph  # from a stage to those it needs
     if targets:
         wanted = [stage for name in targets for stage in named(graph.nodes, name)]

@@ -14,6 +14,7 @@ from torch import Tensor, distributed
 from pcrdiff.processes import ALONE, Loss, Processes
 from pcrdiff.registration import LearnedMethod
 from pipeline.checkpoints import fingerprint
+from pipeline.machine import end_with_parent
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
@@ -55,7 +56,8 @@ def join(devices: int, nodes: int) -> Iterator[Processes]:
     """Start the others that are to train, or find them where a launcher has started them.
 
     Without a launcher each host's process starts ``devices - 1`` more by its own command line;
-    ``torchrun`` and ``srun`` start all of them, which Fabric finds in the environment.
+    ``torchrun`` and ``srun`` start all of them, which Fabric finds in the environment. Those that
+    were started end with their launcher, however it ends.
 
     Raises:
         ValueError: The host has GPUs, but not one for each process; or a launcher has started
@@ -65,6 +67,8 @@ def join(devices: int, nodes: int) -> Iterator[Processes]:
     if devices * nodes == 1:
         yield ALONE
         return
+    if "LOCAL_RANK" in os.environ:  # a launcher has started this one, Fabric in the first perhaps
+        end_with_parent()
     together = Together(_launch(devices, nodes))
     try:
         yield together

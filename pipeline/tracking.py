@@ -22,6 +22,7 @@ from typing import TextIO
 
 from filelock import FileLock
 
+from pipeline.dvcignore import seen_files
 from pipeline.invocation import Pipeline, current_pipeline, project_root
 
 EVENTS = "journal.jsonl"
@@ -150,17 +151,11 @@ def now_ms() -> int:
 def content_md5(path: Path) -> str:
     """Return the md5 that ``dvc.lock`` would show: of a file, or ``<md5>.dir`` of a folder."""
     if path.is_dir():
-        files = sorted(file for file in path.rglob("*") if _counts(file))
-        names = [(file.relative_to(path).as_posix(), file) for file in files]
+        names = [(file.relative_to(path).as_posix(), file) for file in seen_files(path)]
         listed = [{"md5": content_md5(file), "relpath": name} for name, file in sorted(names)]
         return hashlib.md5(json.dumps(listed, sort_keys=True).encode()).hexdigest() + ".dir"
     with path.open("rb") as file:
         return hashlib.file_digest(file, "md5").hexdigest()
-
-
-def _counts(file: Path) -> bool:
-    """Tell whether a file is part of its folder's contents: bytecode is not."""
-    return file.is_file() and "__pycache__" not in file.parts
 
 
 def processor() -> str:
@@ -181,7 +176,7 @@ def _digests(inputs: Sequence[Path]) -> dict[str, str]:
     for path in map(Path, inputs):
         try:
             digests[path.as_posix()] = content_md5(path)
-        except OSError as error:
+        except (OSError, ValueError) as error:
             _warn(f"no md5 of the input {path}: {error}")
     return digests
 

@@ -47,6 +47,7 @@ GLUE = {
     "pipeline.restored": "tells MLflow what DVC took from its cache",
     "pipeline.stage": "says how a stage ended",
     "pipeline.tracking": "writes journals",
+    "pipeline.dvcignore": "says which files count for journals and checkpoints",
     "pipeline.yaml_files": "reads params.yaml for pipeline.params",
 }
 """Modules that change no result, so that a change of theirs need not re-run a stage; and why."""

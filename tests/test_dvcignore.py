@@ -8,6 +8,9 @@ from dvc.fs import localfs
 from dvc.ignore import DvcIgnoreFilter
 from dvc.repo import Repo
 
+from pipeline.checkpoints import fingerprint
+from pipeline.dvcignore import seen_files
+from pipeline.tracking import content_md5
 from tests.described import REPOSITORY, expand, read_repository_params
 
 CODE = ("pcrdiff/data", "pcrdiff/models", "pipeline/reporting/templates", "stages", "benchmarks")
@@ -89,3 +92,49 @@ def test_a_link_of_emacs_in_a_dep_neither_stops_dvc_nor_changes_anything(
     with Repo(str(tmp_path)) as repo:
         assert repo.status() == {}
         assert repo.reproduce() == []
+
+
+@pytest.fixture
+def littered(tmp_path: Path) -> Path:
+    """A project with code and data, and beside each of them what editors leave."""
+    (tmp_path / ".dvc").mkdir()
+    (tmp_path / ".dvcignore").write_text((REPOSITORY / ".dvcignore").read_text())
+    for folder in (*CODE, "data/raw/toy", "benchmarks/details", "pipeline/reporting/deeper"):
+        for name in ("x.py", "t.csv", "a.j2", "a.off", *ANYWHERE, *BESIDE_CODE):
+            path = tmp_path / folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text("")
+    return tmp_path
+
+
+@pytest.mark.parametrize("top", ["pcrdiff", "pipeline", "stages", "benchmarks", "data", "data/raw"])
+def test_journals_and_checkpoints_see_what_dvc_sees(littered: Path, top: str) -> None:
+    seen = DvcIgnoreFilter(localfs, str(littered)).find(localfs, str(littered / top))
+    assert sorted(map(str, seen_files(littered / top))) == sorted(seen)
+
+
+@pytest.mark.parametrize("name", ["x.py~", ".#x.py", "4913", "x.py.bak", ".hidden/x.py"])
+@pytest.mark.parametrize("folder", ["pcrdiff/data", "stages"])
+def test_an_editors_file_changes_no_digest_and_no_fingerprint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(".dvc").mkdir()
+    Path(".dvcignore").write_text((REPOSITORY / ".dvcignore").read_text())
+    code = Path(folder, "x.py")
+    code.parent.mkdir(parents=True)
+    code.write_text("")
+    dep = Path(folder.partition("/")[0])
+    before = content_md5(dep), fingerprint({}, [dep])
+    Path(folder, name).parent.mkdir(exist_ok=True)
+    Path(folder, name).write_text("old")
+    assert (content_md5(dep), fingerprint({}, [dep])) == before
+    code.write_text("new")
+    assert content_md5(dep) != before[0]
+    assert fingerprint({}, [dep]) != before[1]
+
+
+def test_a_dvcignore_that_is_not_utf8_is_named(littered: Path) -> None:
+    (littered / ".dvcignore").write_bytes(b"# Ma\xdfe\n")
+    with pytest.raises(ValueError, match=r"\.dvcignore needs UTF-8, byte 4 is not"):
+        content_md5(littered / "pcrdiff")

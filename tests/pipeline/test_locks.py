@@ -8,12 +8,13 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from dvc.lock import make_lock
 
 from pipeline import real
-from pipeline.doctor import check_others
+from pipeline.doctor import check_dvc_files, check_others
 from pipeline.invocation import descendants, is_running, process_identity
 from pipeline.locks import check_locks, only_repro
 from pipeline.parallel import repro
@@ -93,6 +94,36 @@ def test_what_dead_processes_held_and_empty_notes_stop_nobody(project: Path) -> 
         check_locks(project)
     path.unlink()
     assert [finding.level for finding in check_others(project)] == ["ok"]
+
+
+UNREADABLE = {
+    "a merge left half done": ("dvc.lock", b"<<<<<<< HEAD\nstages: {}\n=======\n>>>>>>> b\n"),
+    "an empty lock file": ("dvc.lock", b""),
+    "a lock file of another schema": ("dvc.lock", b"schema: '3.0'\nstages: {}\n"),
+    "a lock file in Latin-1": ("dvc.lock", b"schema: '2.0'\n# Ma\xdfe\n"),
+    "stages in conflict": ("dvc.yaml", b"<<<<<<< HEAD\nstages: {}\n=======\n>>>>>>> b\n"),
+    "an ignore file in Latin-1": (".dvcignore", b"# Ma\xdfe\n"),
+    "a config that is cut off": (".dvc/config", b"[core\n"),
+    "a config of another DVC": (".dvc/config", b"[core]\n    novelty = 1\n"),
+}
+READING: dict[str, Callable[[Path], Any]] = {
+    **{name: VERBS[name] for name in ("repro", "plan")},
+    "doctor": check_dvc_files,
+}
+
+
+@pytest.mark.parametrize("verb", ["repro", "plan", "doctor"])
+@pytest.mark.parametrize("kind", UNREADABLE)
+def test_a_file_that_dvc_cannot_read_is_named_with_what_to_do(
+    project: Path, kind: str, verb: str
+) -> None:
+    name, content = UNREADABLE[kind]
+    (project / name).write_bytes(content)
+    with pytest.raises(ValueError, match=r"DVC cannot read .*git checkout HEAD -- FILE") as refused:
+        list(READING[verb](project) or ())
+    assert Path(name).name in str(refused.value)
+    assert "\n" not in str(refused.value)
+    assert (project / name).read_bytes() == content
 
 
 HOLD = """\

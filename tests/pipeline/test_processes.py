@@ -1,8 +1,10 @@
 """Several processes learn what one learns from the batch of all; one needs nobody."""
 
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,7 @@ import torch
 
 from pcrdiff.processes import ALONE
 from pcrdiff.training import Epoch
+from pipeline.invocation import is_running, process_identity
 from pipeline.processes import check_agreement, join
 from tests.described import REPOSITORY
 from tests.pipeline.training_together import EPOCHS, NAMES, RESUMED, Memory, Outcome, outcome
@@ -115,3 +118,38 @@ def test_refuses_to_train_along_with_other_params_or_pairs(tmp_path: Path) -> No
     check_agreement(Second(None), {"seed": 7}, [pairs])  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="process 1 has other params, pairs or code than the"):
         check_agreement(Second("another"), {"seed": 7}, [pairs])  # type: ignore[arg-type]
+
+
+WAIT = """\
+import os, sys, time
+from pathlib import Path
+from pipeline.processes import join
+with join(2, 1) as processes:
+    starting = Path(sys.argv[1], f"starting-{processes.rank}")
+    starting.write_text(str(os.getpid()))
+    starting.rename(Path(sys.argv[1], f"rank-{processes.rank}"))
+    time.sleep(120)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes by /proc")
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_the_other_processes_end_with_the_first(tmp_path: Path, number: int) -> None:
+    script, other = tmp_path / "wait.py", tmp_path / "rank-1"
+    script.write_text(WAIT)
+    told = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(REPOSITORY)}
+    first = subprocess.Popen([sys.executable, str(script), str(tmp_path)], env=told)
+    until = time.monotonic() + 120
+    while not other.exists():
+        assert first.poll() is None
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    started = process_identity(int(other.read_text()))
+    assert is_running(started)
+    first.send_signal(number)
+    first.wait(30)
+    until = time.monotonic() + 10
+    while is_running(started) and time.monotonic() < until:
+        time.sleep(0.1)
+    assert not is_running(started)
