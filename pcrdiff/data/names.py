@@ -8,7 +8,11 @@ from pathlib import Path
 
 from pcrdiff.data.tree import entries
 
-LITTER = re.compile(r"[.#].*|__.*|.*(~|\.bak|\.swp)", re.DOTALL)
+LITTER = re.compile(
+    r"[.#].*|__.*|.*(~|\.bak|\.swp)|Thumbs\.db|desktop\.ini|lost\+found|\$RECYCLE\.BIN"
+    r"|System Volume Information",
+    re.DOTALL | re.IGNORECASE,
+)
 """What systems and editors leave beside the files of people."""
 SHOWN = 5
 """Names that a sentence quotes before it only counts them."""

@@ -201,6 +201,19 @@ def test_an_empty_folder_is_in_nobody_s_way(blank: Path) -> None:
     assert manifest(blank / "raw")["source"] == "synthetic"
 
 
+@pytest.fixture
+def versioned(blank: Path) -> Path:
+    """A project with a history, in which every data set was acquired once, as dvc.lock says."""
+    for name in ("dvc.yaml", "dvc.lock", ".gitignore"):
+        shutil.copy(REPOSITORY / name, blank)
+    git = ("git", "-c", "user.name=Me", "-c", "user.email=me@here")
+    subprocess.run([*git, "init", "-q"], cwd=blank, check=True)
+    assert dvc(blank, "init", "-q").returncode == 0
+    subprocess.run([*git, "add", "-A"], cwd=blank, check=True)
+    subprocess.run([*git, "commit", "-q", "-m", "all"], cwd=blank, check=True)
+    return blank
+
+
 def dvc(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     told = {name: value for name, value in os.environ.items() if not name.startswith("DVC_")}
     command = [sys.executable, "-m", "dvc", *words]
@@ -209,23 +222,32 @@ def dvc(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.parametrize("lies_as", ["folder", "link"])
-def test_dvc_removes_no_data_set_before_acquire_can_refuse(blank: Path, lies_as: str) -> None:
-    shutil.copy(REPOSITORY / "dvc.yaml", blank)
-    subprocess.run(["git", "init", "-q"], cwd=blank, check=True)
-    assert dvc(blank, "init", "-q").returncode == 0
-    out = blank / "data" / "raw" / "kitti"
-    mine = out if lies_as == "folder" else blank / "mine"
+@pytest.mark.parametrize(
+    ("command", "lies_as"), [("repro", "folder"), ("repro", "link"), ("exp run", "folder")]
+)
+def test_dvc_removes_no_data_set_before_acquire_can_refuse(
+    versioned: Path, command: str, lies_as: str
+) -> None:
+    out = versioned / "data" / "raw" / "kitti"
+    mine = out if lies_as == "folder" else versioned / "mine"
     write_boxes(mine)
     if lies_as == "link":
         out.parent.mkdir(parents=True)
         out.symlink_to(mine)
     before = contents(mine)
-    done = dvc(blank, "repro", "-s", "acquire@kitti")
+    done = dvc(versioned, *command.split(), "-s", "acquire@kitti")
     assert done.returncode != 0
     assert "acquire needs data/raw/kitti for itself" in done.stderr
     assert contents(mine) == before
     assert out.is_symlink() == (lies_as == "link")
+
+
+def test_dvc_puts_no_data_set_of_its_cache_in_the_place_of_a_user_s_own(versioned: Path) -> None:
+    out = versioned / "data" / "raw" / "kitti"
+    write_boxes(out)
+    before = contents(out)
+    dvc(versioned, "checkout", "--force")  # it complains of the other outputs, which nobody made
+    assert contents(out) == before
 
 
 def failing(error: BaseException) -> Callable[..., None]:
