@@ -12,8 +12,8 @@ from torch import Tensor
 
 from pcrdiff.data.corruption import draw_pose
 from pcrdiff.diffusion.shares import Share, SharedGenerator
+from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import invert, transform
-from pcrdiff.metrics import error_r_deg, error_t
 from pcrdiff.processes import ALONE, Loss, Processes
 from pcrdiff.progress import Progress, silent
 from pcrdiff.registration import LearnedMethod, Pairs

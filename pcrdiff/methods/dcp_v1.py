@@ -6,8 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.losses import rotation_loss, translation_loss
 from pcrdiff.models.dgcnn import DGCNN
+from pcrdiff.models.losses import rotation_loss, translation_loss
 from pcrdiff.models.matching import fit_pointers
 from pcrdiff.registration import LearnedMethod, Pairs, check_clouds
 

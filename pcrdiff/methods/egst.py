@@ -6,8 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.losses import matching_losses
 from pcrdiff.models.attention import CrossCloudAttention
+from pcrdiff.models.losses import matching_losses
 from pcrdiff.models.matching import AnnealingNet, match_scores, sinkhorn
 from pcrdiff.models.refinement import SINKHORN_ITERATIONS, Steps, refine
 from pcrdiff.models.structure import (

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from pcrdiff.losses import chamfer_loss, pose_loss
+from pcrdiff.models.losses import chamfer_loss, pose_loss
 from pcrdiff.models.lucas_kanade import align
 from pcrdiff.models.mlp import he_layers
 from pcrdiff.models.pointnet import PointNet

@@ -5,7 +5,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.classical import cloud, icp
+from pcrdiff.bindings.classical import cloud, icp
 from pcrdiff.registration import check_clouds
 
 

@@ -4,10 +4,10 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from pcrdiff.classical import centred, check_pose, check_support
+from pcrdiff.bindings.classical import centred, check_pose, check_support
+from pcrdiff.bindings.isolation import Isolated
+from pcrdiff.bindings.native_calls import kiss_match
 from pcrdiff.geometry.rigid import from_parts, invert
-from pcrdiff.isolation import Isolated
-from pcrdiff.native_calls import kiss_match
 from pcrdiff.registration import check_clouds
 
 

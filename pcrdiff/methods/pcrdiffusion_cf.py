@@ -13,8 +13,8 @@ from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.diffusion.schedule import cosine_alphas_bar
 from pcrdiff.geometry.representation import RepresentationName
 from pcrdiff.geometry.rigid import transform
-from pcrdiff.losses import chamfer_loss, diffusion_loss, pose_loss
 from pcrdiff.models.fusion import FEATURES, Fusion, fuse
+from pcrdiff.models.losses import chamfer_loss, diffusion_loss, pose_loss
 from pcrdiff.models.pointnet import PointNet
 from pcrdiff.models.pose_encoder import Diffusion, make_pose_encoder
 from pcrdiff.models.pose_head import PoseHead

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from pcrdiff.geometry.representation import REPRESENTATIONS
 from pcrdiff.geometry.rigid import from_parts, transform
-from pcrdiff.losses import nearest_distance
+from pcrdiff.models.losses import nearest_distance
 from pcrdiff.models.pointnet import PointNet
 from pcrdiff.models.pose_head import PoseHead
 from pcrdiff.registration import LearnedMethod, Pairs, check_clouds

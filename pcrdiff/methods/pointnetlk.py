@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.losses import pose_loss
+from pcrdiff.models.losses import pose_loss
 from pcrdiff.models.lucas_kanade import align
 from pcrdiff.models.pointnet import PointNet
 from pcrdiff.registration import LearnedMethod, Pairs, check_clouds

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from pcrdiff.losses import matching_losses
+from pcrdiff.models.losses import matching_losses
 from pcrdiff.models.matching import AnnealingNet, match_scores, sinkhorn
 from pcrdiff.models.refinement import SINKHORN_ITERATIONS, Steps, refine
 from pcrdiff.models.structure import (

@@ -10,9 +10,9 @@ import pytest
 import torch
 from torch import Tensor, nn
 
+from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import from_pose_vector, transform
-from pcrdiff.losses import pose_loss
-from pcrdiff.metrics import error_r_deg, error_t
+from pcrdiff.models.losses import pose_loss
 from pcrdiff.registration import LearnedMethod, Pairs
 from pcrdiff.training import FLOOR, WARM_UP, Budget, FreshPoses, Trainer, halvings, repose, train
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded

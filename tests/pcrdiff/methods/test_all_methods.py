@@ -4,8 +4,8 @@ import pytest
 import torch
 from torch import Tensor
 
+from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import invert, transform
-from pcrdiff.metrics import error_r_deg, error_t
 from pcrdiff.registration import LearnedMethod, Method
 from tests.pcrdiff.made_up_clouds import (
     lopsided_clouds,

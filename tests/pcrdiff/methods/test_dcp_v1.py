@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor, nn
 
-from pcrdiff.losses import rotation_loss, translation_loss
 from pcrdiff.methods.dcp_v1 import DCPv1
+from pcrdiff.models.losses import rotation_loss, translation_loss
 from pcrdiff.models.matching import fit_pointers
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
+from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import from_parts, invert, transform
 from pcrdiff.methods.deepgmr import (
     DeepGMR,
@@ -16,7 +17,6 @@ from pcrdiff.methods.deepgmr import (
     align_differentiably,
     describe_invariantly,
 )
-from pcrdiff.metrics import error_r_deg, error_t
 from pcrdiff.registration import Pairs
 from tests.pcrdiff.made_up_clouds import lopsided_clouds, made_up_pairs, random_poses, seeded
 

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 import torch
 
-from pcrdiff.classical import registration
+from pcrdiff.bindings.classical import registration
+from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.geometry.rigid import transform
-from pcrdiff.metrics import error_r_deg
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose
 from tests.pcrdiff.methods.made_up_methods import make_fgr
 

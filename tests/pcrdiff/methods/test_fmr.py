@@ -3,11 +3,11 @@
 import pytest
 import torch
 
+from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.geometry.rigid import transform
-from pcrdiff.losses import chamfer_loss, pose_loss
 from pcrdiff.methods.fmr import FMR
 from pcrdiff.methods.pointnetlk import PointNetLK
-from pcrdiff.metrics import error_r_deg
+from pcrdiff.models.losses import chamfer_loss, pose_loss
 from pcrdiff.models.lucas_kanade import align
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 

@@ -3,11 +3,11 @@
 import pytest
 import torch
 
-from pcrdiff.classical import registration
-from pcrdiff.data.native import open3d
+from pcrdiff.bindings.classical import registration
+from pcrdiff.bindings.native import open3d
+from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.methods.gicp import GICP
-from pcrdiff.metrics import error_r_deg, error_t
 from tests.pcrdiff.made_up_clouds import made_up_pairs, random_poses, seeded, small_pose
 
 METHOD = GICP(max_iterations=30, max_distance=0.5)

@@ -3,9 +3,9 @@
 import pytest
 import torch
 
+from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.methods.icp import ICP
-from pcrdiff.metrics import error_r_deg, error_t
 from tests.pcrdiff.made_up_clouds import lopsided_clouds, random_poses, seeded, small_pose
 
 

@@ -3,9 +3,9 @@
 import pytest
 import torch
 
+from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.icp_centroid import ICPCentroid
-from pcrdiff.metrics import error_r_deg, error_t
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose
 
 METHOD = ICPCentroid(100, 0.5)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 
+from pcrdiff.bindings.native_calls import kiss_match
 from pcrdiff.evaluation import evaluate
 from pcrdiff.methods.kiss_matcher import KISSMatcher
-from pcrdiff.native_calls import kiss_match
 from pcrdiff.registration import Pairs
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 

@@ -6,8 +6,8 @@ from torch import Tensor
 
 from pcrdiff.diffusion.sampling import Walk, sample
 from pcrdiff.geometry.rigid import from_pose_vector, pose_vector, transform
-from pcrdiff.losses import chamfer_loss, diffusion_loss, pose_loss
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
+from pcrdiff.models.losses import chamfer_loss, diffusion_loss, pose_loss
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from tests.pcrdiff.methods.made_up_methods import make_cf
 

@@ -4,10 +4,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.geometry.rigid import from_parts, invert, pose_vector, transform
-from pcrdiff.losses import nearest_distance
 from pcrdiff.methods.pcrnet import PCRNet
-from pcrdiff.metrics import error_r_deg
+from pcrdiff.models.losses import nearest_distance
 from pcrdiff.registration import Pairs
 from tests.pcrdiff.made_up_clouds import made_up_pairs, random_poses, seeded, small_pose
 

@@ -8,10 +8,10 @@ import torch
 
 from pcrdiff.data.modelnet40 import read_items
 from pcrdiff.data.raw import sample_points
+from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import transform
-from pcrdiff.losses import pose_loss
 from pcrdiff.methods.pointnetlk import PointNetLK
-from pcrdiff.metrics import error_r_deg, error_t
+from pcrdiff.models.losses import pose_loss
 from pcrdiff.models.lucas_kanade import align
 from pcrdiff.registration import Pairs
 from tests.pcrdiff.made_up_clouds import (

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 import torch
 
-from pcrdiff.classical import registration
-from pcrdiff.data.native import open3d
+from pcrdiff.bindings.classical import registration
+from pcrdiff.bindings.native import open3d
 from pcrdiff.methods.ransac_fpfh import RansacFPFH
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 

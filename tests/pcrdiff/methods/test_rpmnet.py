@@ -8,8 +8,8 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from pcrdiff.geometry.rigid import invert, transform
-from pcrdiff.losses import inlier_loss, point_loss
 from pcrdiff.methods.rpmnet import RPMNet
+from pcrdiff.models.losses import inlier_loss, point_loss
 from pcrdiff.registration import Normals, Pairs
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose
 

@@ -2,10 +2,10 @@
 
 import torch
 
+from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.icp_centroid import ICPCentroid
 from pcrdiff.methods.trimmed_icp import TrimmedICP
-from pcrdiff.metrics import error_r_deg
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose
 
 METHOD = TrimmedICP(max_iterations=100)

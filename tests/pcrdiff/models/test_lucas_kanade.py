@@ -7,10 +7,10 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 from torch.nn.functional import normalize
 
+from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.geometry.rotation import geodesic_angle
 from pcrdiff.geometry.twist import exp_twist
-from pcrdiff.metrics import error_r_deg, error_t
 from pcrdiff.models import lucas_kanade
 from pcrdiff.models.lucas_kanade import LONGEST, align, damped_inverse, pose_jacobian
 from pcrdiff.models.pointnet import PointNet

@@ -6,9 +6,9 @@ import pytest
 import torch
 from torch import Tensor
 
+from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.geometry.procrustes import fit_rigid
 from pcrdiff.geometry.rigid import transform
-from pcrdiff.metrics import error_r_deg
 from pcrdiff.models import matching
 from pcrdiff.models.matching import (
     AnnealingNet,

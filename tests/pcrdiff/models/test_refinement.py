@@ -4,8 +4,8 @@ import pytest
 import torch
 from torch import Tensor
 
+from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import transform
-from pcrdiff.metrics import error_r_deg, error_t
 from pcrdiff.models.refinement import refine
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 

@@ -4,13 +4,13 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from pcrdiff.geometry.rigid import from_parts
-from pcrdiff.metrics import (
+from pcrdiff.geometry.metrics import (
     error_r_deg,
     error_t,
     euler_difference_deg,
     translation_difference,
 )
+from pcrdiff.geometry.rigid import from_parts
 from tests.pcrdiff.made_up_clouds import random_poses, seeded
 
 

@@ -1,4 +1,4 @@
-"""What runs in a child of :mod:`pcrdiff.isolation`: it loads NumPy and one native library."""
+"""What runs in a child of :mod:`pcrdiff.bindings.isolation`: it loads NumPy and one native library."""
 
 import kiss_matcher
 import numpy as np

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from pcrdiff.data.native import open3d
+from pcrdiff.bindings.native import open3d
 from pcrdiff.geometry.rigid import from_parts
 from pcrdiff.geometry.span import TOLERANCE, spans_plane
 

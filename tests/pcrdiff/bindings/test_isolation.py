@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pcrdiff.isolation import Isolated
+from pcrdiff.bindings.isolation import Isolated
 
 
 def double(values: np.ndarray) -> np.ndarray:
@@ -122,7 +122,7 @@ def test_the_child_ends_when_nobody_can_call_it_any_more() -> None:
 def test_no_child_survives_its_parent(end: str) -> None:
     script = (
         "import os, signal\n"
-        "from pcrdiff.isolation import Isolated\n"
+        "from pcrdiff.bindings.isolation import Isolated\n"
         "isolated = Isolated('it', 30.0)\n"
         "print(isolated.call(os.getpid), flush=True)\n"
         f"{end}\n"  # no main guard: the child does not import its parent's main module

@@ -6,7 +6,7 @@ import torch
 from scipy.spatial import cKDTree
 
 from pcrdiff.geometry.rigid import invert, transform
-from pcrdiff.losses import (
+from pcrdiff.models.losses import (
     chamfer_loss,
     diffusion_loss,
     inlier_loss,

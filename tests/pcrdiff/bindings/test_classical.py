@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pcrdiff.classical import check_matches, check_pose, check_support, cloud, registration
-from pcrdiff.data.native import open3d
+from pcrdiff.bindings.classical import check_matches, check_pose, check_support, cloud, registration
+from pcrdiff.bindings.native import open3d
 from tests.pcrdiff.made_up_clouds import lopsided_clouds, seeded, small_pose
 
 POINTS = lopsided_clouds(1, 20, generator=seeded(0))[0].double().numpy()
