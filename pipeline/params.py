@@ -33,12 +33,14 @@ Named = TypeVar("Named")
 
 
 class Run(Section):
-    """Which scenarios there are, and what is run on each of them without training."""
+    """Which scenarios there are, and which methods are run on them."""
 
     scenarios: Distinct[str]
+    diffused: Listed[str]
+    """PCRDiffusion, trained on every scenario."""
+    baselines: Distinct[str]
+    """The other learned methods, each trained on the scenarios that ``trainings`` gives it."""
     classical: Distinct[str]
-    report: Literal["results", "real"]
-    """Name of the tables under ``reports/``."""
 
 
 class Compute(Section):
@@ -156,7 +158,7 @@ class Optimisation(Section):
     patience: Count
     validate_every: Count
     epoch_pairs: Count | None
-    """Training pairs in an epoch, drawn anew for each; null takes all of them."""
+    """Training pairs in an epoch, drawn again for each; null takes all of them."""
 
 
 class Train(Section):
@@ -177,16 +179,6 @@ class Train(Section):
     egst: Optimisation
     pcrdiffusion_cf: Optimisation
     pcrdiffusion_cb: Optimisation
-
-
-class Training(Section):
-    """One learned method on one scenario; its key is ``<scenario>-<method>``."""
-
-    scenario: str
-    method: str
-    epochs: Count
-    answers: str
-    """The section that its answers depend on: ``diffusion`` if it samples, else its settings."""
 
 
 DIFFUSED = ("pcrdiffusion_cf", "pcrdiffusion_cb")
@@ -237,19 +229,12 @@ class Ablation(Section):
     walk: WalkShown
 
 
-class Timed(Section):
-    """How a learned method is timed: see ``Training.answers``."""
-
-    answers: str
-
-
 class Timing(Section):
-    """Table 6: batch 1, so many pairs of one scenario."""
+    """Table 6: batch 1, a number of pairs of one scenario."""
 
     scenario: str
     pairs: Count
     warm_up: Count
-    learned: dict[str, Timed]
 
 
 class Params(Section):
@@ -266,7 +251,8 @@ class Params(Section):
     diffusion: Diffusion
     methods: Methods
     train: Train
-    trainings: dict[str, Training]
+    trainings: dict[str, dict[str, Count]]
+    """Epochs of each learned method, by scenario."""
     ablation: Ablation
     timing: Timing
 
@@ -275,28 +261,40 @@ class Params(Section):
         _differ_in_more_than_case("acquire", self.acquire)
         _differ_in_more_than_case("scenarios", self.scenarios)
         _same("run.scenarios", self.run.scenarios, "scenarios", list(self.scenarios))
+        self._check_scenarios()
+        self._check_what_is_named()
+        self._check_trainings()
+        return self
+
+    def _check_scenarios(self) -> None:
+        """A scenario has its data set, and what is said of a scenario is said of one there is."""
         for name, scenario in self.scenarios.items():
             if scenario.dataset not in self.acquire:
                 raise ValueError(f"scenarios.{name}.dataset {scenario.dataset!r} is not in acquire")
-        for name, training in self.trainings.items():
-            self._check_training(name, training)
-        self._check_what_is_named()
-        return self
+        for where, named in self._scenarios_named():
+            if named not in self.scenarios:
+                raise ValueError(f"{where} {named!r} is not in scenarios")
+
+    def _check_trainings(self) -> None:
+        for method in self.run.baselines:
+            if not self.trainings.get(method):
+                raise ValueError(f"run.baselines needs trainings.{method}, which is not there")
+        for where, method, scenario in self._trainings_named():
+            if scenario not in self.trainings.get(method, {}):
+                raise ValueError(f"{where} needs trainings.{method}.{scenario}, which is not there")
+        for method, epochs in self.trainings.items():
+            for scenario in epochs:
+                self._check_normals(scenario, method)
 
     def _check_what_is_named(self) -> None:
-        """What ablations and timing name is there."""
-        for where, scenario in self._scenarios_named().items():
-            if scenario not in self.scenarios:
-                raise ValueError(f"{where} {scenario!r} is not in scenarios")
+        """Every method that is named there is, and of the kind that is needed."""
+        _check_methods("run.diffused", self.run.diffused, DIFFUSED)
+        _check_methods("run.baselines", self.run.baselines, baseline_names())
+        _check_methods("trainings", self.trainings, learned_names())
         _check_methods("run.classical", self.run.classical, classical_names())
         _check_methods("ablation.methods", self.ablation.methods, DIFFUSED)
         _check_methods("ablation.noise.methods", self.ablation.noise.methods, _all_names())
         self._check_ablated_methods()
-        for where, training in self._trainings_named():
-            if training not in self.trainings:
-                raise ValueError(f"{where} needs {training!r}, which trainings has not")
-        for where, method, answers in self._answers_named():
-            _check_answers(where, method, answers)
 
     def _check_ablated_methods(self) -> None:
         for method in self.ablation.methods:
@@ -309,53 +307,41 @@ class Params(Section):
         draws = self.ablation.sampling.draws
         return {"ablation.epochs": self.ablation.epochs, "ablation.sampling.draws": draws}
 
-    def _scenarios_named(self) -> dict[str, str]:
+    def _scenarios_named(self) -> Iterator[tuple[str, str]]:
         """Where a section names a scenario, and which."""
-        return {
-            "ablation.scenario": self.ablation.scenario,
-            "ablation.noise.scenario": self.ablation.noise.scenario,
-            "timing.scenario": self.timing.scenario,
-        }
+        for method, epochs in self.trainings.items():
+            for scenario in epochs:
+                yield f"trainings.{method}", scenario
+        yield "ablation.scenario", self.ablation.scenario
+        yield "ablation.noise.scenario", self.ablation.noise.scenario
+        yield "timing.scenario", self.timing.scenario
 
-    def _trainings_named(self) -> Iterator[tuple[str, str]]:
-        """Where a section needs a training, and which."""
+    def _trainings_named(self) -> Iterator[tuple[str, str, str]]:
+        """Where a section needs a training, of which method and on which scenario."""
+        for method in self.run.diffused:
+            for scenario in self.run.scenarios:
+                yield "run.diffused", method, scenario
         for method in self.ablation.methods:
-            yield "ablation.methods", f"{self.ablation.scenario}-{method}"
+            yield "ablation.methods", method, self.ablation.scenario
         for method in self.ablation.noise.methods:
             if method in learned_names():
-                yield "ablation.noise.methods", f"{self.ablation.noise.scenario}-{method}"
-        for method in self.timing.learned:
-            yield "timing.learned", f"{self.timing.scenario}-{method}"
+                yield "ablation.noise.methods", method, self.ablation.noise.scenario
 
-    def _answers_named(self) -> Iterator[tuple[str, str, str]]:
-        for name, training in self.trainings.items():
-            yield f"trainings.{name}", training.method, training.answers
-        for method, timed in self.timing.learned.items():
-            yield f"timing.learned.{method}", method, timed.answers
-
-    def _check_training(self, name: str, training: Training) -> None:
-        if training.scenario not in self.scenarios:
-            raise ValueError(f"trainings.{name}.scenario {training.scenario!r} is not in scenarios")
-        if training.method not in learned_names():
-            raise ValueError(f"trainings.{name}.method needs one of {learned_names()}")
-        if name != f"{training.scenario}-{training.method}":
-            needed = f"{training.scenario}-{training.method}"
-            raise ValueError(f"trainings.{name} needs the key {needed!r}, that of its training")
-        network = getattr(self.methods, training.method).network
-        kept = self.scenarios[training.scenario].normals
-        if getattr(network, "normals", kept) == "given" != kept:
+    def _check_normals(self, scenario: str, method: str) -> None:
+        kept = self.scenarios[scenario].normals
+        if getattr(getattr(self.methods, method).network, "normals", kept) == "given" != kept:
             raise ValueError(
-                f"methods.{training.method}.network.normals is given, which needs "
-                f"scenarios.{training.scenario}.normals to be given, got {kept}"
+                f"methods.{method}.network.normals is given, which needs "
+                f"scenarios.{scenario}.normals to be given, got {kept}"
             )
 
-    def training(self, scenario: str, method: str) -> Training:
-        """The training of a method on a scenario.
+    def epochs(self, scenario: str, method: str) -> int:
+        """How long a learned method is trained on a scenario.
 
         Raises:
-            ValueError: There is none.
+            ValueError: It is not trained there.
         """
-        return pick(self.trainings, f"{scenario}-{method}", "trainings")
+        return pick(pick(self.trainings, method, "trainings"), scenario, f"trainings.{method}")
 
 
 def learned_names() -> list[str]:
@@ -363,6 +349,11 @@ def learned_names() -> list[str]:
     return sorted(
         name for name, field in Train.model_fields.items() if field.annotation is Optimisation
     )
+
+
+def baseline_names() -> list[str]:
+    """The learned methods that do not walk a pose back from noise."""
+    return sorted(set(learned_names()) - set(DIFFUSED))
 
 
 def classical_names() -> list[str]:
@@ -379,13 +370,6 @@ def _check_methods(where: str, methods: Iterable[str], known: Sequence[str]) -> 
     for method in methods:
         if method not in known:
             raise ValueError(f"{where} needs some of {list(known)}, got {method!r}")
-
-
-def _check_answers(where: str, method: str, answers: str) -> None:
-    """DVC is told by this key what an evaluation depends on; it must not be told wrong."""
-    needed = "diffusion" if method in DIFFUSED else f"methods.{method}.settings"
-    if answers != needed:
-        raise ValueError(f"{where}.answers needs {needed!r}, got {answers!r}")
 
 
 def _differ_in_more_than_case(where: str, names: Iterable[str]) -> None:
@@ -420,8 +404,21 @@ def read_params(path: Path = Path("params.yaml")) -> Params:
         FileNotFoundError: There is no such file.
         ValueError: It is not YAML, or a key is missing, unknown or ill-typed; one sentence.
     """
+    return check_params(read_yaml(path), path)
+
+
+def check_params(values: object, path: Path) -> Params:
+    """Return the params that the content of a file stands for.
+
+    Args:
+        values: The content.
+        path: The file, for the sentence that refuses it.
+
+    Raises:
+        ValueError: A key is missing, unknown or ill-typed; one sentence.
+    """
     try:
-        return Params.model_validate(read_yaml(path))
+        return Params.model_validate(values)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"] if part != "[key]") or "the file"

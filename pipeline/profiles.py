@@ -1,8 +1,21 @@
-"""Profiles: whole params.yaml files to choose from, in ``profiles/``."""
+"""Profiles: ``profiles/quick.yaml`` is a whole params.yaml, the others say what differs from it."""
 
+from collections.abc import Mapping
+from io import StringIO
+from itertools import takewhile
 from pathlib import Path
+from typing import Any
 
-from pipeline.yaml_files import read_yaml
+from ruamel.yaml import YAML
+
+from pipeline.params import Params, check_params
+from pipeline.yaml_files import read_mapping
+
+BASE = "quick"
+WITHOUT = "without"
+"""The key under which a profile lists keys of ``BASE``, as ``a.b.c``, that are removed first."""
+
+Values = dict[str, Any]
 
 
 def profile_names(root: Path) -> list[str]:
@@ -10,8 +23,38 @@ def profile_names(root: Path) -> list[str]:
     return sorted(path.stem for path in (root / "profiles").glob("*.yaml"))
 
 
+def profile_values(root: Path, name: str) -> Values:
+    """Return the values of params.yaml under a profile.
+
+    They are those of ``BASE`` without the keys that the profile lists under ``WITHOUT``, and with
+    its own values: mappings are merged key by key, lists and other values replaced.
+
+    Args:
+        root: The project.
+        name: The profile.
+
+    Raises:
+        FileNotFoundError: There is no such profile.
+        ValueError: The profile is no mapping, removes what ``BASE`` has not, or the values are not
+            those of a params.yaml.
+    """
+    values = _merged(root, name)
+    check_params(values, _path(root, name))
+    return values
+
+
+def read_profile(root: Path, name: str) -> Params:
+    """Return the params of a profile; ``profile_values`` says how they come about.
+
+    Raises:
+        FileNotFoundError: There is no such profile.
+        ValueError: As ``profile_values``.
+    """
+    return check_params(_merged(root, name), _path(root, name))
+
+
 def write_profile(root: Path, name: str, *, force: bool) -> list[str]:
-    """Make params.yaml a copy of a profile, comments included.
+    """Write a profile into params.yaml, with the comments of ``BASE``.
 
     Args:
         root: The project.
@@ -23,37 +66,92 @@ def write_profile(root: Path, name: str, *, force: bool) -> list[str]:
 
     Raises:
         FileNotFoundError: There is no such profile.
-        ValueError: params.yaml holds values of its own, which would be lost.
+        ValueError: The profile is not valid, or params.yaml holds values of its own, which would be
+            lost.
     """
-    wanted, params = root / "profiles" / f"{name}.yaml", root / "params.yaml"
-    if name not in profile_names(root):
-        known = ", ".join(profile_names(root)) or "none"
-        raise FileNotFoundError(f"no profile {name!r} in {root / 'profiles'}; there are: {known}")
-    changed = changed_values(params, wanted)
-    if params.is_file() and not force and not _is_a_profile(root, params):
+    wanted, params = profile_values(root, name), root / "params.yaml"
+    present = read_mapping(params) if params.is_file() else {}
+    known = (profile_values(root, each) for each in profile_names(root))
+    if present and not force and present not in known:
         own = "params.yaml has values of its own, which are in no profile"
         raise ValueError(f"{own}; `pcrdiff profile {name} --force` overwrites them")
     new = params.with_suffix(".yaml.new")
-    new.write_bytes(wanted.read_bytes())
+    new.write_text(_text(root, name, wanted), encoding="utf-8")
     new.replace(params)
-    return changed
+    return changed_values(present, wanted)
 
 
-def changed_values(old: Path, new: Path) -> list[str]:
-    """Return ``key: old -> new`` for each value in which two YAML files differ."""
-    before, after = _flat(_read(old)), _flat(_read(new))
+def changed_values(old: object, new: object) -> list[str]:
+    """Return ``key: old -> new`` for each value in which the contents of two YAML files differ."""
+    before, after = _flat(old), _flat(new)
     changed = [key for key in sorted({*before, *after}) if before.get(key) != after.get(key)]
     return [f"{key}: {before.get(key, 'absent')} -> {after.get(key, 'absent')}" for key in changed]
 
 
-def _is_a_profile(root: Path, params: Path) -> bool:
-    paths = [root / "profiles" / f"{name}.yaml" for name in profile_names(root)]
-    return any(_read(path) == _read(params) for path in paths)
+def _path(root: Path, name: str) -> Path:
+    if name not in profile_names(root):
+        known = ", ".join(profile_names(root)) or "none"
+        raise FileNotFoundError(f"no profile {name!r} in {root / 'profiles'}; there are: {known}")
+    return root / "profiles" / f"{name}.yaml"
 
 
-def _read(path: Path) -> object:
-    """Return the values of a YAML file; none if there is no file."""
-    return read_yaml(path) if path.is_file() else {}
+def _merged(root: Path, name: str) -> Values:
+    values, path = read_mapping(_path(root, BASE)), _path(root, name)
+    if name != BASE:
+        overlay = read_mapping(path)
+        removed = overlay.pop(WITHOUT, [])
+        if not isinstance(removed, list):
+            raise ValueError(f"{path}: {WITHOUT} needs a list of keys, got {removed!r}")
+        for key in map(str, removed):
+            _remove(values, key, path)
+        _merge(values, overlay)
+    return values
+
+
+def _remove(values: Values, key: str, path: Path) -> None:
+    *outer, last = key.split(".")
+    section: Any = values
+    for part in outer:
+        section = section.get(part) if isinstance(section, dict) else None
+    if not isinstance(section, dict) or last not in section:
+        raise ValueError(f"{path}: {WITHOUT} needs keys of profiles/{BASE}.yaml, got {key!r}")
+    del section[last]
+
+
+def _merge(values: Values, overlay: Mapping[str, Any]) -> None:
+    for key, value in overlay.items():
+        if isinstance(value, dict) and isinstance(values.get(key), dict):
+            _merge(values[key], value)
+        else:
+            values[key] = value
+
+
+def _text(root: Path, name: str, wanted: Values) -> str:
+    """Return the text of a profile: that of ``BASE`` with other values, under its own first lines."""
+    base, own = (_path(root, each).read_text(encoding="utf-8") for each in (BASE, name))
+    if name == BASE:
+        return base
+    yaml, written = YAML(), StringIO()
+    document = yaml.load(base)
+    _replace(document, wanted)
+    yaml.dump(document, written)
+    return _first_comment(own) + written.getvalue().removeprefix(_first_comment(base))
+
+
+def _first_comment(text: str) -> str:
+    lines = text.splitlines(keepends=True)
+    return "".join(takewhile(lambda line: line.startswith("#"), lines))
+
+
+def _replace(document: Values, wanted: Mapping[str, Any]) -> None:
+    """Make the values of a document others; the comments of what stays are kept."""
+    for key in document.keys() - wanted.keys():
+        del document[key]
+    for key, value in wanted.items():
+        if isinstance(value, dict) and isinstance(document.get(key), dict):
+            _replace(document[key], value)
+        elif key not in document or document[key] != value:
+            document[key] = value
 
 
 def _flat(values: object, prefix: str = "") -> dict[str, str]:

@@ -1,28 +1,34 @@
 """The pipeline on real data: an experiment of its own beside the workspace, its tables brought back."""
 
 import os
+import re
+import shutil
 import subprocess
 import sys
-from io import BytesIO
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from ruamel.yaml import YAML
+from dvc.api import DVCFileSystem
 
 from pipeline.artifacts import write_atomically
 from pipeline.invocation import SHELL, check_experiments
 from pipeline.locks import check_locks
+from pipeline.profiles import profile_values
+from pipeline.yaml_files import read_mapping
 
 NAME = "real"
 VARIABLE = "PCRDIFF_REAL_DATA"
 DEFAULT = "../shared/data"
 """Relative to the project; the roots in profiles/real.yaml begin with it."""
+FETCHED = Path("reports", NAME)
 
 
 def run_real(root: Path) -> list[Path]:
-    """Run profiles/real.yaml as the experiment ``real`` and fetch its tables, figures and page.
+    """Run the profile ``real`` as the experiment ``real`` and fetch its tables, figures and page.
 
-    The workspace keeps its params.yaml, dvc.lock and data: DVC runs the experiment in a folder of
-    its own, and what it computed stays in the cache.
+    The workspace keeps its params.yaml, dvc.lock and data: DVC is given the values that differ, runs
+    the experiment in a folder of its own, and what it computed stays in the cache.
 
     Returns:
         The files that were brought back.
@@ -30,19 +36,15 @@ def run_real(root: Path) -> list[Path]:
     Raises:
         FileNotFoundError: There is no real data.
         ValueError: Git could not keep the experiment, somebody else works in the project, the data's
-            path cannot be written into YAML, or a stage failed; that one's own sentence stands above.
+            path cannot be written into YAML, the profile or params.yaml is not valid, or a stage
+            failed; that one's own sentence stands above.
     """
     check_experiments(root)
     check_locks(root)
-    profile = _profile_on(_folder(root), root / "profiles" / f"{NAME}.yaml")
-    params = root / "params.yaml"
-    before = params.read_bytes()
+    wanted = _values_on(_folder(root), profile_values(root, NAME))
+    changes = overrides(read_mapping(root / "params.yaml"), wanted)
     _dvc(root, "exp", "remove", "--quiet", NAME, check=False)
-    try:
-        write_atomically(params, profile)
-        _dvc(root, "exp", "run", "--temp", "--name", NAME)
-    finally:
-        write_atomically(params, before)
+    _dvc(root, "exp", "run", "--temp", "--name", NAME, *changes)
     return _fetch(root)
 
 
@@ -56,32 +58,65 @@ def _folder(root: Path) -> str:
     return told or DEFAULT
 
 
-def _profile_on(folder: str, path: Path) -> bytes:
-    """Return the profile with its roots below another folder, comments included."""
-    yaml = YAML()
-    params = yaml.load(path.read_text(encoding="utf-8"))
-    for acquire in params["acquire"].values():
+def _values_on(folder: str, values: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of the profile with its roots below another folder."""
+    for acquire in values["acquire"].values():
         if (acquire["root"] or "").startswith(DEFAULT):
             acquire["root"] = folder + acquire["root"].removeprefix(DEFAULT)
-    written = BytesIO()
-    yaml.dump(params, written)
-    return written.getvalue()
+    return values
+
+
+def overrides(present: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
+    """Return the options of ``dvc exp run`` that make the values of params.yaml others.
+
+    Args:
+        present: What params.yaml holds.
+        wanted: What it shall hold. A section that differs is given as a whole, because the paths of
+            ``--set-param`` name nothing that begins with a digit.
+    """
+    gone = [f"~{key}" for key in present if present[key] != wanted.get(key)]
+    new = [f"+{key}={_hydra(value)}" for key, value in wanted.items() if present.get(key) != value]
+    return [word for change in (*gone, *new) for word in ("--set-param", change)]
+
+
+def _hydra(value: object) -> str:
+    """Return a value in the grammar of ``--set-param``, which is Hydra's."""
+    match value:
+        case dict():
+            return "{" + ",".join(f"{key}:{_hydra(each)}" for key, each in value.items()) + "}"
+        case list():
+            return "[" + ",".join(map(_hydra, value)) + "]"
+        case str():
+            literal = re.sub(r"(\\*)\$\{", r"\1\1\\${", value)  # else it names another value
+            return '"' + re.sub(r'(\\*)("|$)', _escaped, literal) + '"'
+        case None:
+            return "null"
+    return repr(value)
+
+
+def _escaped(found: re.Match[str]) -> str:
+    """Double the backslashes before a quotation mark or the end, and put one before the mark."""
+    return found[1] * 2 + ("\\" + found[2] if found[2] else "")
 
 
 def _fetch(root: Path) -> list[Path]:
-    """Take the small files out of the experiment's commit, and the page out of the cache."""
+    """Take the experiment's tables, figures and page out of DVC's cache."""
     refs = _git(root, "for-each-ref", "--format=%(refname)", "refs/exps").decode().split()
-    commit = next((ref for ref in refs if ref.endswith(f"/{NAME}")), None)
-    if commit is None:
+    ref = next((ref for ref in refs if ref.endswith(f"/{NAME}")), None)
+    if ref is None:
         raise ValueError(f"DVC kept no experiment {NAME!r}; `dvc exp show` lists those there are")
-    names = _git(root, "ls-tree", "-r", "--name-only", commit, "reports").decode().split()
-    wanted = [name for name in names if Path(name).stem == NAME or f"/{NAME}/" in name]
-    for name in wanted:
-        write_atomically(root / name, _git(root, "show", f"{commit}:./{name}"))
-    page = Path("reports", f"{NAME}.html")
-    revision = _git(root, "rev-parse", commit).decode().strip()
-    _dvc(root, "get", "-q", "-f", ".", "reports/index.html", "--rev", revision, "-o", str(page))
-    return [*map(Path, wanted), page]
+    files = DVCFileSystem(str(root), rev=ref)
+    names = [name for folder in ("tables", "figures") for name in files.find(f"reports/{folder}")]
+    found = {_place(name): files.cat_file(name) for name in [*names, "reports/index.html"]}
+    shutil.rmtree(root / FETCHED / "figures", ignore_errors=True)
+    for place, content in found.items():
+        write_atomically(root / place, content)
+    return [*found]
+
+
+def _place(name: str) -> Path:
+    inside = Path(name.lstrip("/")).relative_to("reports")
+    return FETCHED / (inside.name if inside.parts[0] == "tables" else inside)
 
 
 def _dvc(root: Path, *words: str, check: bool = True) -> None:

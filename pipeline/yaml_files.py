@@ -36,6 +36,19 @@ def read_yaml(path: Path) -> Any:  # noqa: ANN401  YAML is anything
         raise ValueError(f"{path} is not YAML: {said}") from error
 
 
+def read_mapping(path: Path) -> dict[str, Any]:
+    """Return what a file holds that is a mapping.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: It is not YAML, or no mapping.
+    """
+    values = read_yaml(path)
+    if not isinstance(values, dict):
+        raise ValueError(f"{path} needs to be a mapping, got {type(values).__name__}")
+    return values
+
+
 @dataclass(eq=False)
 class _Size:
     """Of a value, with all that is in it."""

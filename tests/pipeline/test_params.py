@@ -34,6 +34,15 @@ def test_the_repository_s_params_are_read(repository: Path) -> None:
     assert list(params.methods.icp) == ["paper", "official"]
 
 
+def test_the_epochs_of_a_training_are_found(repository: Path) -> None:
+    plain = read_repository_params()["trainings"]
+    params = read_params(repository / "params.yaml")
+    for method in ("pcrdiffusion_cf", "rpmnet"):
+        assert params.epochs("kitti", method) == plain[method]["kitti"]
+    with pytest.raises(ValueError, match=r"params.yaml has no trainings\.rpmnet\.waymo, there are"):
+        params.epochs("waymo", "rpmnet")
+
+
 def test_params_cannot_be_changed(repository: Path) -> None:
     params = read_params(repository / "params.yaml")
     with pytest.raises(ValidationError, match="frozen"):
@@ -54,8 +63,8 @@ WRONG: dict[str, tuple[Change, str]] = {
         "seed: Input should be a valid integer, got '7'"),
     "a fraction for a count": (lambda p: p["scenarios"]["kitti"].update(num_points=1.5),
         "scenarios.kitti.num_points: Input should be a valid integer"),
-    "a count of none": (lambda p: p["trainings"]["kitti-pcrdiffusion_cf"].update(epochs=0),
-        "trainings.kitti-pcrdiffusion_cf.epochs: Input should be greater than or equal to 1, got 0"),
+    "a count of none": (lambda p: p["trainings"]["pcrdiffusion_cf"].update(kitti=0),
+        "trainings.pcrdiffusion_cf.kitti: Input should be greater than or equal to 1, got 0"),
     "an unknown sampler": (lambda p: p["diffusion"].update(sampler="euler"),
         "diffusion.sampler: Input should be 'ddpm' or 'ddim', got 'euler'"),
     "no number": (lambda p: p["scenarios"]["kitti"].update(max_translation=float("nan")),
@@ -81,14 +90,27 @@ WRONG: dict[str, tuple[Change, str]] = {
     "a scenario that is not there": (lambda p: p["run"]["scenarios"].append("waymo"),
         "run.scenarios needs the same names as scenarios: {'waymo'} differ"),
     "a training on what is not there": (
-        lambda p: p["trainings"]["kitti-pcrdiffusion_cf"].update(scenario="waymo"),
-        "trainings.kitti-pcrdiffusion_cf.scenario 'waymo' is not in scenarios"),
-    "a training of what learns nothing": (
-        lambda p: p["trainings"]["kitti-pcrdiffusion_cf"].update(method="icp"),
-        "trainings.kitti-pcrdiffusion_cf.method needs one of ["),
-    "a training under another's name": (
-        lambda p: p["trainings"].update(mine=p["trainings"]["kitti-pcrdiffusion_cf"]),
-        "trainings.mine needs the key 'kitti-pcrdiffusion_cf'"),
+        lambda p: p["trainings"]["pcrdiffusion_cf"].update(waymo=1),
+        "trainings.pcrdiffusion_cf 'waymo' is not in scenarios"),
+    "a training of what learns nothing": (lambda p: p["trainings"].update(icp={"kitti": 1}),
+        "trainings needs some of ['dcp_v1', 'dcp_v2', 'deepgmr', 'egst', 'fmr', 'pcrdiffusion_cb', "),
+    "a baseline that walks": (lambda p: p["run"]["baselines"].append("pcrdiffusion_cf"),
+        "'pointnetlk', 'rpmnet'], got 'pcrdiffusion_cf'"),
+    "a baseline that learns nothing": (lambda p: p["run"]["baselines"].append("icp"),
+        "run.baselines needs some of ['dcp_v1', 'dcp_v2', 'deepgmr', 'egst', 'fmr', 'pcrnet', "),
+    "a baseline without a training": (lambda p: p["run"]["baselines"].append("egst"),
+        "run.baselines needs trainings.egst, which is not there"),
+    "a baseline of no epochs": (lambda p: p["trainings"]["pcrnet"].update(kitti=0),
+        "trainings.pcrnet.kitti: Input should be greater than or equal to 1, got 0"),
+    "a scenario without PCRDiffusion": (lambda p: p["trainings"]["pcrdiffusion_cb"].pop("kitti"),
+        "run.diffused needs trainings.pcrdiffusion_cb.kitti, which is not there"),
+    "no PCRDiffusion at all": (lambda p: p["run"].update(diffused=[]),
+        "run.diffused: List should have at least 1 item"),
+    "a diffused method that does not walk": (lambda p: p["run"]["diffused"].append("rpmnet"),
+        "run.diffused needs some of ['pcrdiffusion_cf', 'pcrdiffusion_cb'], got 'rpmnet'"),
+    "normals that the pairs do not keep": (
+        lambda p: p["methods"]["rpmnet"]["network"].update(normals="given"),
+        "methods.rpmnet.network.normals is given, which needs scenarios.modelnet40-unseen_objects."),
     "an ablation of what does not diffuse": (
         lambda p: p["ablation"]["methods"].append("dcp_v2"),
         "ablation.methods needs some of ['pcrdiffusion_cf', 'pcrdiffusion_cb'], got 'dcp_v2'"),
@@ -100,24 +122,18 @@ WRONG: dict[str, tuple[Change, str]] = {
         lambda p: p["ablation"]["noise"]["methods"].append("a b"),
         "ablation.noise.methods needs some of ['constant', "),
     "an ablation of what is not trained": (
-        lambda p: p["trainings"].pop("modelnet40-unseen_objects-pcrdiffusion_cb"),
-        "ablation.methods needs 'modelnet40-unseen_objects-pcrdiffusion_cb', which trainings has"),
+        lambda p: (p["run"]["diffused"].pop(), p["trainings"].pop("pcrdiffusion_cb")),
+        "ablation.methods needs trainings.pcrdiffusion_cb.modelnet40-unseen_objects, which is not"),
     "no number of draws": (lambda p: p["ablation"]["sampling"]["draws"].pop("pcrdiffusion_cb"),
         "ablation.sampling.draws needs a number for pcrdiffusion_cb, has ['pcrdiffusion_cf']"),
     "noise on what is not trained": (
         lambda p: p["ablation"]["noise"]["methods"].append("egst"),
-        "ablation.noise.methods needs 'modelnet40-gaussian_noise-egst', which trainings has not"),
+        "ablation.noise.methods needs trainings.egst.modelnet40-gaussian_noise, which is not there"),
     "an ablation over nothing": (lambda p: p["ablation"].update(representations=[]),
         "ablation.representations: List should have at least 1 item"),
     "an unknown representation": (
         lambda p: p["ablation"].update(representations=["quaternion", "axis"]),
         "ablation.representations.1: Input should be 'quaternion', 'euler', 'rotation_6d', "),
-    "answers that do not hang on the walk": (
-        lambda p: p["trainings"]["kitti-pcrdiffusion_cf"].update(answers="seed"),
-        "trainings.kitti-pcrdiffusion_cf.answers needs 'diffusion', got 'seed'"),
-    "times that hang on the walk": (
-        lambda p: p["timing"]["learned"]["fmr"].update(answers="diffusion"),
-        "timing.learned.fmr.answers needs 'methods.fmr.settings', got 'diffusion'"),
     "a fusion that is none": (
         lambda p: p["methods"]["pcrdiffusion_cf"]["network"].update(fusion="sum"),
         "methods.pcrdiffusion_cf.network.fusion: Input should be 'source', 'target' or 'concat'"),
@@ -140,6 +156,8 @@ def test_refuses(tmp_path: Path, name: str) -> None:
     [
         ("run", "scenarios"),
         ("run", "classical"),
+        ("run", "diffused"),
+        ("run", "baselines"),
         ("ablation", "methods"),
         ("ablation", "representations"),
         ("ablation", "fusions"),
@@ -178,9 +196,8 @@ def rename(params: dict[str, Any], section: str, old: str, new: str) -> None:
     if section == "scenarios":
         names = params["run"]["scenarios"]
         params["run"]["scenarios"] = [new if name == old else name for name in names]
-        for key in [k for k, each in params["trainings"].items() if each["scenario"] == old]:
-            training = params["trainings"].pop(key) | {"scenario": new}
-            params["trainings"][f"{new}-{training['method']}"] = training
+        for epochs in params["trainings"].values():
+            epochs[new] = epochs.pop(old)
 
 
 @pytest.mark.parametrize("section", ["acquire", "scenarios"])

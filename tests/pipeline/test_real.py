@@ -1,21 +1,27 @@
 """`pcrdiff real`: where the real data lies reaches params.yaml as it was told."""
 
+import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from ruamel.yaml import YAML
+from dvc.cli import parse_args
+from dvc.utils.hydra import apply_overrides
+from dvc.utils.serialize import load_yaml
 
 from pipeline import real
 from pipeline.params import read_params
-from tests.described import REPOSITORY
+from pipeline.profiles import profile_values
+from pipeline.yaml_files import read_yaml
+from tests.described import REPOSITORY, write_yaml
 
-ROOTS = [
-    "modelnet10_hdf5_1024",
-    "modelnet40_off",
-    "modelnet40_normal_resampled",
-    "3dmatch",
-    "kitti",
-]
+ROOTS = {
+    "modelnet40": "modelnet10_hdf5_1024",
+    "modelnet40_off": "modelnet40_off",
+    "modelnet40_normal_resampled": "modelnet40_normal_resampled",
+    "3dmatch": "3dmatch",
+    "kitti": "kitti",
+}
 FOLDERS = [
     "real data #1",
     "a: b",
@@ -31,23 +37,33 @@ FOLDERS = [
 ]
 
 
+MINE = "mine: 1\nacquire:\n  3dmatch:\n    root: here\n    old: true\n"
+
+
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A project whose DVC runs nothing and keeps what params.yaml was."""
+    """A project whose DVC runs nothing and keeps what params.yaml would be in the experiment."""
     folder = tmp_path / "project"
-    (folder / "profiles").mkdir(parents=True)
-    (folder / "params.yaml").write_text("mine: 1\n")
-    profile = (REPOSITORY / "profiles" / "real.yaml").read_bytes()
-    (folder / "profiles" / "real.yaml").write_bytes(profile)
+    shutil.copytree(REPOSITORY / "profiles", folder / "profiles")
+    (folder / "params.yaml").write_text(MINE)
 
     def seen(root: Path, *words: str, check: bool = True) -> None:
         if "run" in words and check:
-            (root / "seen.yaml").write_bytes((root / "params.yaml").read_bytes())
+            shutil.copy(root / "params.yaml", root / "seen.yaml")
+            apply_overrides(root / "seen.yaml", set_params(words))
 
     monkeypatch.setattr(real, "_dvc", seen)
     monkeypatch.setattr(real, "check_experiments", lambda _root: None)
     monkeypatch.setattr(real, "_fetch", lambda _root: [])
     return folder
+
+
+def set_params(words: Sequence[str]) -> list[str]:
+    """What DVC's own command line makes of the words."""
+    parsed = parse_args(list(words))
+    assert (parsed.tmp_dir, parsed.name) == (True, real.NAME)
+    changes: list[str] = parsed.set_param
+    return changes
 
 
 @pytest.mark.parametrize("name", FOLDERS)
@@ -59,19 +75,54 @@ def test_the_roots_lie_in_the_folder_that_was_told(
     monkeypatch.setenv(real.VARIABLE, str(folder))
     real.run_real(project)
     read = read_params(project / "seen.yaml")
-    assert [acquire.root for acquire in read.acquire.values()] == [f"{folder}/{r}" for r in ROOTS]
-    for_dvc = YAML(typ="safe").load((project / "seen.yaml").read_text())
-    assert [a["root"] for a in for_dvc["acquire"].values()] == [f"{folder}/{r}" for r in ROOTS]
-    assert (project / "params.yaml").read_text() == "mine: 1\n"
+    roots = {name: acquire.root for name, acquire in read.acquire.items()}
+    assert roots == {name: f"{folder}/{root}" for name, root in ROOTS.items()}
+    assert load_yaml(project / "seen.yaml") == read_yaml(project / "seen.yaml")
+    assert (project / "params.yaml").read_text() == MINE
 
 
-def test_nothing_but_the_roots_changes(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_but_the_roots_differs_from_the_profile(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv(real.VARIABLE, str(project.parent))
     real.run_real(project)
-    ours = read_params(REPOSITORY / "profiles" / "real.yaml").model_dump()
-    theirs = read_params(project / "seen.yaml").model_dump()
+    ours, theirs = profile_values(REPOSITORY, "real"), read_yaml(project / "seen.yaml")
     assert ours.pop("acquire") != theirs.pop("acquire")
     assert ours == theirs
+
+
+@pytest.mark.parametrize("name", ["quick", "tables", "real", "paper"])
+def test_any_profile_becomes_any_other_and_only_what_differs_is_set(
+    tmp_path: Path, name: str
+) -> None:
+    path, before = tmp_path / "params.yaml", profile_values(REPOSITORY, name)
+    for other in ("quick", "tables", "real", "paper"):
+        wanted = profile_values(REPOSITORY, other)
+        write_yaml(path, before)
+        changes = real.overrides(before, wanted)[1::2]
+        apply_overrides(path, changes)
+        assert read_yaml(path) == wanted
+        sections = {change.partition("=")[0].lstrip("+~") for change in changes}
+        assert sections == {key for key in wanted if wanted[key] != before[key]}
+
+
+@pytest.mark.parametrize(
+    "value", ["", "06", "null", "true", "1e3", "a\\", "a\\\\", '\\"', "\\${x}", "x${", "[a]", None, 0.05,
+              1e-05, 10**9, [], {}, [{"a": [None, "b,c"]}], {"3d": {"a-b": {}}}],
+)  # fmt: skip
+def test_a_value_is_set_as_it_is(tmp_path: Path, value: object) -> None:
+    (tmp_path / "params.yaml").write_text("a: 1\nb: 2\n")
+    apply_overrides(tmp_path / "params.yaml", real.overrides({"a": 1, "b": 2}, {"a": value})[1::2])
+    assert read_yaml(tmp_path / "params.yaml") == {"a": value}
+
+
+def test_params_that_are_no_mapping_are_refused(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (project / "params.yaml").write_text("- 1\n")
+    monkeypatch.setenv(real.VARIABLE, str(project.parent))
+    with pytest.raises(ValueError, match=r"params\.yaml needs to be a mapping, got list"):
+        real.run_real(project)
 
 
 @pytest.mark.parametrize("name", ["two\nlines", "tab\there", "no text \udcff"])
@@ -83,4 +134,4 @@ def test_refuses_a_folder_that_yaml_cannot_hold(
     monkeypatch.setenv(real.VARIABLE, str(folder))
     with pytest.raises(ValueError, match="PCRDIFF_REAL_DATA needs the path in printable"):
         real.run_real(project)
-    assert (project / "params.yaml").read_text() == "mine: 1\n"
+    assert (project / "params.yaml").read_text() == MINE

@@ -1,15 +1,20 @@
 """The experiment on real data: refused before it starts where git could not keep it."""
 
 import os
+import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 from pipeline import real
 from pipeline.doctor import check_code_in_git
 from pipeline.invocation import check_experiments, current_pipeline
+from pipeline.profiles import profile_values
 from pipeline.real import run_real
+from tests.described import REPOSITORY
 
 
 @pytest.fixture(autouse=True)
@@ -28,8 +33,7 @@ def identity(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def project(tmp_path: Path) -> Path:
     """A project with two commits, and the params of `make real`."""
     folder = tmp_path / "project"
-    (folder / "profiles").mkdir(parents=True)
-    (folder / "profiles" / "real.yaml").write_text("acquire: {}\n")
+    shutil.copytree(REPOSITORY / "profiles", folder / "profiles")
     (folder / "params.yaml").write_text("seed: 0\n")
     git(folder, "init", "--quiet")
     for message in ("start", "more"):
@@ -38,8 +42,10 @@ def project(tmp_path: Path) -> Path:
     return folder
 
 
-def git(folder: Path, *words: str) -> None:
-    subprocess.run(["git", *words], cwd=folder, check=True, capture_output=True)
+def git(folder: Path, *words: str) -> str:
+    command = ["git", *words]
+    done = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
+    return done.stdout
 
 
 def refusal(folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
@@ -90,6 +96,33 @@ def test_dvc_is_given_a_shell_that_can(project: Path, monkeypatch: pytest.Monkey
     with pytest.raises(ValueError, match="`dvc exp run` failed"):
         run_real(project)
     assert set(shells) == {"/bin/sh"}
+
+
+def test_dvc_runs_it_beside_a_workspace_that_keeps_its_params(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The stage sees the profile, the experiment keeps it, and params.yaml is never another."""
+    stage = "stages:\n  see:\n    cmd: cp params.yaml seen.txt && cp $THERE/params.yaml there.txt\n"
+    params = "    params:\n    - profile\n    outs:\n"
+    outs = "".join(f"    - {name}:\n        cache: false\n" for name in ("seen.txt", "there.txt"))
+    (project / "dvc.yaml").write_text(stage + params + outs)
+    mine = "# mine\nseed: 0\nprofile: mine\ndiffusion:\n  steps: 1\n"
+    monkeypatch.setenv("THERE", str(project))
+    subprocess.run(["dvc", "init", "--quiet"], cwd=project, check=True)
+    git(project, "add", "--all")
+    git(project, "commit", "--quiet", "-m", "a pipeline")
+    (project / "params.yaml").write_text(mine)
+    monkeypatch.setenv(real.VARIABLE, str(project))
+    monkeypatch.setattr(real, "_fetch", lambda _: [])
+    run_real(project)
+    assert (project / "params.yaml").read_text() == mine
+    kept = git(project, "for-each-ref", "--format=%(refname)", "refs/exps/*/*/real").strip()
+    wanted = profile_values(REPOSITORY, "real")
+    for acquire in wanted["acquire"].values():
+        acquire["root"] = acquire["root"].replace(real.DEFAULT, str(project))
+    for name in ("params.yaml", "seen.txt"):
+        assert YAML(typ="safe").load(git(project, "show", f"{kept}:{name}")) == wanted
+    assert git(project, "show", f"{kept}:there.txt") == mine
 
 
 def test_a_project_that_is_in_no_repository_is_refused(
@@ -160,3 +193,49 @@ def test_where_there_is_no_revision_to_know_nothing_is_said(
         monkeypatch.setenv("PATH", os.devnull)
     assert current_pipeline().revision == ""
     assert capsys.readouterr().err == ""
+
+
+REPORT = """\
+import sys
+from pathlib import Path
+
+for name in sys.argv[2:]:
+    Path("reports", name).parent.mkdir(exist_ok=True, parents=True)
+    Path("reports", name).write_text(f"{sys.argv[1]} {name}")
+"""
+PIPELINE = """\
+stages:
+  report:
+    cmd: {python} report.py {which} index.html tables/results.csv figures/errors.png summary.json
+    outs: [reports/index.html, reports/tables, reports/figures]
+    metrics: [reports/summary.json]
+"""
+
+
+def test_the_report_of_the_experiment_comes_out_of_the_cache(project: Path) -> None:
+    def report(which: str) -> None:
+        (project / "dvc.yaml").write_text(PIPELINE.format(python=sys.executable, which=which))
+        subprocess.run([sys.executable, "-m", "dvc", "repro", "-q"], cwd=project, check=True)
+        git(project, "add", "--all")
+        git(project, "commit", "--quiet", "-m", which)
+
+    (project / "report.py").write_text(REPORT)
+    (project / ".gitignore").write_text("/reports\n/.dvc/cache\n/.dvc/tmp\n")
+    subprocess.run([sys.executable, "-m", "dvc", "init", "-q"], cwd=project, check=True)
+    report("real")
+    git(project, "update-ref", "refs/exps/ab/cd0123/real", "HEAD")
+    report("quick")
+    old = project / "reports" / "real" / "figures" / "old.png"
+    old.parent.mkdir(parents=True)
+    old.write_text("no longer drawn")
+    names = ["results.csv", "figures/errors.png", "index.html"]
+    assert real._fetch(project) == [Path("reports", "real", name) for name in names]
+    folder = project / "reports" / "real"
+    assert (folder / "results.csv").read_text() == "real tables/results.csv"
+    assert (folder / "figures" / "errors.png").read_text() == "real figures/errors.png"
+    assert (folder / "index.html").read_text() == "real index.html"
+    assert not old.exists()
+    assert (project / "reports" / "index.html").read_text() == "quick index.html"
+    git(project, "update-ref", "-d", "refs/exps/ab/cd0123/real")
+    with pytest.raises(ValueError, match="DVC kept no experiment 'real'"):
+        real._fetch(project)
