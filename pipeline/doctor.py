@@ -85,7 +85,7 @@ def check_lock(root: Path) -> Iterator[Finding]:
 def check_open3d(_root: Path) -> Iterator[Finding]:
     """Open3D can be imported: it needs libusb and a glibc of 2.35."""
     try:
-        from pcrdiff.data.native import open3d
+        from pcrdiff.bindings.native import open3d
     except (ImportError, OSError) as error:
         yield Finding("error", f"open3d cannot be imported: {error}")
         return
@@ -145,9 +145,9 @@ def check_others(root: Path) -> Iterator[Finding]:
 
 def check_dvc_files(root: Path) -> Iterator[Finding]:
     """DVC can read its config, dvc.yaml and dvc.lock."""
-    from pipeline.planning import open_repo
+    from pipeline.graph import stage_needs
 
-    open_repo(root)
+    stage_needs(root)
     yield Finding("ok", "DVC can read its config, dvc.yaml and dvc.lock")
 
 

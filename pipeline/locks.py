@@ -1,17 +1,21 @@
 """Who works in the project already: said before the work begins, with what to do about it."""
 
+import fcntl
 import json
 import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
+from typing import BinaryIO
 
 from filelock import FileLock, Timeout
 
 from pipeline.invocation import process_identity
 
 OWNER = "repro.owner"
+PATIENCE = 3.0  # seconds in which one who only looks has finished
 
 
 def check_locks(root: Path) -> None:
@@ -20,20 +24,35 @@ def check_locks(root: Path) -> None:
     Raises:
         ValueError: Another DVC works here, or one that was cut off left a file DVC cannot read.
     """
-    from dvc.lock import LockError, make_lock
-
     folder = root / ".dvc" / "tmp"
     if not folder.is_dir():
         return
     for name in ("lock", "rwlock.lock"):
-        try:
-            with make_lock(str(folder / name)):
-                if name == "rwlock.lock":  # DVC rewrites rwlock under it
-                    _check_rwlock(folder / "rwlock")
-        except LockError as error:
-            owner = (folder / name).read_text(errors="replace").strip()
-            who = f"another DVC works in {root} (process {owner or 'unknown'})"
-            raise ValueError(f"{who}: wait until it has ended, or end it") from error
+        with _holding(folder / name):
+            if name == "rwlock.lock":  # DVC rewrites rwlock under it
+                _check_rwlock(folder / "rwlock")
+
+
+@contextmanager
+def _holding(path: Path) -> Iterator[None]:
+    """Hold one of the locks of DVC, whose manual says that they are those of ``flock``."""
+    until = time.monotonic() + PATIENCE
+    with path.open("ab") as file:
+        while not _take(file):
+            if time.monotonic() > until:
+                owner = path.read_text(errors="replace").strip()
+                who = f"another DVC works in {path.parents[2]} (process {owner or 'unknown'})"
+                raise ValueError(f"{who}: wait until it has ended, or end it")
+            time.sleep(0.1)
+        yield
+
+
+def _take(file: BinaryIO) -> bool:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 @contextmanager

@@ -4,16 +4,16 @@ import ctypes
 import os
 import signal
 import sys
+from typing import TYPE_CHECKING
 
-import torch
-
-from pcrdiff.geometry.precision import Asked, resolve, set_search_precision
+if TYPE_CHECKING:
+    from pcrdiff.geometry.precision import Asked
 
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_MAX = -1, -2, -4  # glibc's mallopt
 _PR_SET_PDEATHSIG = 1  # of Linux's prctl
 
 
-def settle(threads: int, search_precision: Asked = "float32") -> None:
+def settle(threads: int, search_precision: "Asked" = "float32") -> None:
     """Fix the thread count and the precision of searches, flush denormals, keep freed memory.
 
     The first two are part of the result: sums are cut differently for another count, and a search
@@ -21,6 +21,10 @@ def settle(threads: int, search_precision: Asked = "float32") -> None:
     (in Adam's moments and in softmax tails) cost a factor on every step that meets them. glibc
     hands large blocks back to the kernel after each step and asks for them again in the next.
     """
+    import torch  # a process that only runs others does without
+
+    from pcrdiff.geometry.precision import resolve, set_search_precision
+
     torch.set_num_threads(threads)
     set_search_precision(resolve(search_precision))
     torch.set_flush_denormal(True)
@@ -34,7 +38,7 @@ def settle(threads: int, search_precision: Asked = "float32") -> None:
         libc.mallopt(_M_TOP_PAD, 2**29)
 
 
-def end_with_parent() -> None:
-    """Let this process be killed when the one that started it dies, however that dies."""
+def end_with_parent(number: int = signal.SIGKILL) -> None:
+    """Let this process be sent a signal when the one that started it dies, however that dies."""
     if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)

@@ -6,11 +6,11 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import networkx as nx
 import pytest
 
-from pipeline.parallel import Finished, by_urgency, repro, timings
+from pipeline.parallel import Finished, repro, timings
 from pipeline.planning import plan_stages
+from pipeline.yaml_files import read_yaml
 
 pytestmark = pytest.mark.slow
 DVC_YAML = """\
@@ -125,12 +125,23 @@ def test_the_last_stage_finds_the_others_in_the_lock(finished: tuple[Path, str])
     assert all(f"{name}:" in seen for name in ("make", "use@a", "use@b", "use@c", "quiet"))
 
 
-def test_the_lock_is_the_one_dvc_writes_whoever_ended_first(finished: tuple[Path, str]) -> None:
+def test_the_lock_says_what_dvc_alone_would_write(finished: tuple[Path, str]) -> None:
     project, _ = finished
-    ours = (project / "dvc.lock").read_text()
+    ours = read_yaml(project / "dvc.lock")
     (project / "dvc.lock").unlink()
     run(project, sys.executable, "-m", "dvc", "commit", "--force", "--quiet")
-    assert (project / "dvc.lock").read_text() == ours
+    assert read_yaml(project / "dvc.lock") == ours
+    assert len(ours["stages"]) == 6
+
+
+def test_a_stage_whose_inputs_are_written_again_as_they_were_is_not_run(project: Path) -> None:
+    text = DVC_YAML.replace("cp params.yaml made", "echo same > made")
+    (project / "dvc.yaml").write_text(text)
+    assert sorted(go(project, "use@b")) == ["make", "use@b"]
+    (project / "params.yaml").write_text("count: 2\n")
+    assert [name for name, _ in plan_stages(project, ["use@b"])] == ["make", "use@b"]
+    assert go(project, "use@b") == ["make"]
+    assert go(project, "use@b") == []
 
 
 def test_a_target_runs_with_what_it_needs_alone(project: Path) -> None:
@@ -159,6 +170,10 @@ def test_a_failure_is_told_and_what_ran_beside_it_is_kept(
     monkeypatch.chdir(project)
     with pytest.raises(ValueError, match=r"stage quiet failed(.|\n)*no room"):
         repro(project, [], jobs=2, tell=lambda _: None)
+    with pytest.raises(subprocess.CalledProcessError) as failed:
+        command(project, "-j", "2")
+    assert failed.value.returncode == 1
+    assert "no room" in failed.value.stderr
     lock = (project / "dvc.lock").read_text()
     assert "make:" in lock
     assert "all:" not in lock
@@ -186,18 +201,6 @@ def test_the_table_has_a_line_a_group_and_names_its_longest() -> None:
         ["b", "1", "0.5", "0.1", "0.5"],
     ]
     assert timings([]) == []
-
-
-def test_what_others_wait_for_goes_first_and_small_ends_last() -> None:
-    needs = nx.DiGraph()  # from a stage to those it needs
-    edges = ["train-a data", "train-b data", "ask-a train-a", "ask-b train-b", "report ask-a"]
-    more = ["compare train-a", "compare train-b", "report ask-b", "report compare"]
-    needs.add_edges_from(tuple(edge.split()) for edge in [*edges, *more])
-    order = by_urgency(needs)
-    assert order[0] == "data"
-    assert set(order[1:3]) == {"train-a", "train-b"}
-    assert order[3] == "compare"
-    assert order[-1] == "report"
 
 
 LOCAL = """\
