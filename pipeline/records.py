@@ -1,4 +1,4 @@
-"""Journals read back: one frozen record a stage run, whatever state its writer left it in."""
+"""Journals read back: one frozen record per stage run, whatever state its writer left it in."""
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
@@ -9,7 +9,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from pipeline.invocation import Pipeline
-from pipeline.tracking import EVENTS, LOCK, journals_folder
+from pipeline.tracking import ARTIFACTS, EVENTS, LOCK, PARAMS, journals_folder
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,20 @@ class Record:
     """``FINISHED``, ``FAILED``, ``RUNNING``, or ``KILLED``: no end, and nobody holds the lock."""
     error: str
     processor: str
-    """Of the machine it ran on; empty if it did not run."""
-    restored: bool
-    """True if DVC took the stage's outputs from its cache, or found them unchanged."""
+    """Of the machine it ran on."""
+    restored: Mapping[str, Mapping[str, str]]
+    """Empty for a stage that ran. Otherwise no stage did: the stages whose outputs DVC took from
+    its cache or found unchanged in this pipeline run, with the md5 of each output by path."""
 
     @property
     def id(self) -> str:
         """The journal's name, unique for ever."""
         return self.folder.name
+
+    @property
+    def params_file(self) -> Path:
+        """The copy of params.yaml as it was when the stage started."""
+        return self.folder / ARTIFACTS / PARAMS
 
 
 def waiting_records(root: Path) -> list[Record]:
@@ -128,7 +134,7 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> Record:
         status=status,
         error=end["error"] if end else "",
         processor=first.get("processor", ""),
-        restored=bool(first.get("restored")),
+        restored=first.get("restored_stages") or {},
     )
 
 

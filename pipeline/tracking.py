@@ -1,8 +1,8 @@
 """The journal: what a stage leaves on disk for MLflow, without importing MLflow.
 
 A journal is a folder ``<root>/.pcrdiff/journal/<id>/`` with ``journal.jsonl`` (one event a line,
-flushed, so that a killed stage leaves a readable one), ``artifacts/`` (copies: the workspace of
-``dvc exp run --temp`` is gone when they are read) and ``lock`` (held while the stage lives).
+flushed, so that a killed stage leaves a readable one), ``artifacts/`` (copies, of params.yaml too:
+the workspace of ``dvc exp run --temp`` is gone when they are read) and ``lock`` (held while the stage lives).
 Writing it never makes a stage fail: what cannot be written becomes a warning on stderr.
 """
 
@@ -28,6 +28,7 @@ from pipeline.invocation import Pipeline, current_pipeline, project_root
 EVENTS = "journal.jsonl"
 ARTIFACTS = "artifacts"
 LOCK = "lock"
+PARAMS = "params.yaml"
 
 
 class Journal:
@@ -59,7 +60,17 @@ class Journal:
         self.append({"event": "metrics", "values": numbers, "step": step})
 
     def artifact(self, path: Path) -> None:
-        """Copy a file or folder into the journal, under its path relative to the workspace."""
+        """Copy a file or folder into the journal, and note it for the stage's run."""
+        name = self.keep(path)
+        if name:
+            self.append({"event": "artifact", "path": name.as_posix()})
+
+    def keep(self, path: Path) -> Path | None:
+        """Copy a file or folder into the journal.
+
+        Returns:
+            Its path there, which is the one relative to the workspace; None if it was not kept.
+        """
         absolute = Path(path).resolve()
         inside = absolute.is_relative_to(Path.cwd().resolve())
         name = absolute.relative_to(Path.cwd().resolve()) if inside else Path(absolute.name)
@@ -72,8 +83,8 @@ class Journal:
                 shutil.copyfile(absolute, copy)
         except OSError as error:
             _warn(f"the artifact {path} was not kept: {error}")
-            return
-        self.append({"event": "artifact", "path": name.as_posix()})
+            return None
+        return name
 
     def append(self, event: Mapping[str, object]) -> None:
         """Write one event, stamped with the time in ms since 1970."""
@@ -101,7 +112,7 @@ def journal(*, params: Mapping[str, object], inputs: Sequence[Path] = ()) -> Ite
     """Keep a journal of the stage that runs inside the ``with``.
 
     Args:
-        params: What the stage was told; nested mappings are fine.
+        params: What the stage was given; few, since each is a column of MLflow's table.
         inputs: Files and folders it reads; their md5, as DVC computes it, is noted.
 
     Yields:
@@ -111,6 +122,8 @@ def journal(*, params: Mapping[str, object], inputs: Sequence[Path] = ()) -> Ite
     notes = Journal(journals_folder(project_root()) / new_id(stage))
     start = header(stage, current_pipeline(), params, _digests(inputs))
     notes.append({**start, "processor": processor()})
+    if Path(PARAMS).is_file():
+        notes.keep(Path(PARAMS))
     try:
         yield notes
     except SystemExit as error:

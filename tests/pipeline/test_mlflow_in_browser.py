@@ -14,16 +14,17 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from pipeline.invocation import VARIABLE
-from pipeline.mlflow_sync import Store, open_store, sync
+from pipeline.mlflow_runs import Store, runs_page
+from pipeline.mlflow_sync import open_store, sync
 from pipeline.tracking import journal
 from tests.pipeline.browser import browser as browser
 
 pytestmark = pytest.mark.slow
 REPOSITORY = Path(__file__).parents[2]
 STAGES = {  # stage: a metric of its own, and the value it ends at
-    "train@kitti-pcrdiffusion_cb": ("val_error_r_deg", 1.375),
-    "evaluate@kitti-pcrdiffusion_cb": ("mean_error_r_deg", 2.625),
-    "report": ("kitti.pcrdiffusion_cb.error_r_deg", 3.125),
+    "train@kitti-cb": ("val_error_r_deg", 1.375),
+    "evaluate_classical@kitti": ("icp", 2.625),
+    "report": ("cb.kitti", 3.125),
 }
 PATIENCE = 60_000
 """Milliseconds to wait for MLflow's pages: they are large, and the machine may be busy."""
@@ -91,14 +92,14 @@ def page(browser: Browser) -> Iterator[Page]:
     context.close()
 
 
-def _experiment(project: Path) -> str:
-    return open_store(project)[1]
-
-
-def test_the_experiments_page_lists_the_runs_of_all_stages(
+def test_the_page_of_runs_shows_the_reports_numbers_and_lists_all_stages(
     project: Path, server: str, page: Page
 ) -> None:
-    page.goto(f"{server}/#/experiments/{_experiment(project)}/runs")
+    page.goto(f"{server}/{runs_page(*open_store(project))}")
+    metric, value = STAGES["report"]
+    header = page.get_by_role("columnheader", name=metric).first
+    expect(header).to_be_visible(timeout=PATIENCE)
+    expect(page.get_by_role("gridcell").filter(has_text=str(value)).first).to_be_visible()
     parent = page.get_by_role("row").filter(
         has=page.get_by_role("link", name=re.compile("^repro@"))
     )
@@ -112,7 +113,7 @@ def test_the_page_of_a_run_shows_its_metric(
     stage: str, project: Path, server: str, page: Page
 ) -> None:
     client, experiment = open_store(project)
-    (run,) = Store(client, experiment)._runs(**{"dvc.stage": stage})
+    (run,) = Store(client, experiment, project)._runs(**{"dvc.stage": stage})
     metric, value = STAGES[stage]
     page.goto(f"{server}/#/experiments/{experiment}/runs/{run.info.run_id}")
     expect(page.get_by_text(stage, exact=True).first).to_be_visible(timeout=PATIENCE)

@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from pipeline.doctor import check_mlflow
-from pipeline.invocation import VARIABLE, process_identity
-from pipeline.mlflow_sync import Store, open_store, sync, sync_after_report
+from pipeline.invocation import VARIABLE, process_identity, project_root
+from pipeline.mlflow_runs import NOT_HERE, VIEW_TAG, Store, deviations, runs_page
+from pipeline.mlflow_sync import open_store, sync, sync_after_report
+from pipeline.profiles import profile_values
 from pipeline.records import Record, shipped_records, waiting_records
 from pipeline.tracking import journal, journals_folder
 
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
     from mlflow.entities import Run
 
 REPOSITORY = Path(__file__).parents[2]
-METRICS = '{"all": {"recall_percent": 91.5, "method": "cf"}, "failures": 2}\n'
 
 
 @pytest.fixture(scope="module")
@@ -75,12 +76,12 @@ def run_stage(
                 raise error
     except RuntimeError:
         pass
-    return next(r for r in waiting_records(Path.cwd()) if r.folder == notes.folder)
+    return next(r for r in waiting_records(project_root()) if r.folder == notes.folder)
 
 
 def runs(root: Path, kind: str) -> "list[Run]":
     client, experiment = open_store(root)
-    found: list[Run] = Store(client, experiment)._runs(**{"pcrdiff.kind": kind})
+    found: list[Run] = Store(client, experiment, root)._runs(**{"pcrdiff.kind": kind})
     return found
 
 
@@ -89,6 +90,14 @@ def by_stage(root: Path) -> "dict[str, Run]":
     stages = {run.data.tags["dvc.stage"]: run for run in found}
     assert len(stages) == len(found), "a stage arrived twice"
     return stages
+
+
+def linked(root: Path) -> dict[str, str]:
+    """Stage -> run of what DVC restored in the newest pipeline run, by the tags of its run."""
+    tags, before = runs(root, "pipeline")[-1].data.tags, "pcrdiff.restored."
+    found = {name.removeprefix(before): v for name, v in tags.items() if name.startswith(before)}
+    assert tags.get("pcrdiff.restored", "0") == str(len(found))
+    return found
 
 
 def test_a_stage_arrives_with_all_that_its_journal_holds(
@@ -161,7 +170,7 @@ def test_a_second_sync_sends_nothing_even_if_the_marks_are_lost(
     assert len(runs(project, "pipeline")) == 1
 
 
-def test_a_run_that_was_sent_in_part_is_made_anew(
+def test_a_run_that_was_sent_in_part_is_made_again(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run_stage(monkeypatch, "train@toy")
@@ -217,11 +226,121 @@ def test_the_report_stage_closes_the_run_that_is_still_running(
     assert set(by_stage(project)) == {"train@toy", "report"}
 
 
+def test_the_page_of_runs_shows_the_reports_numbers_once_there_is_a_report(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_stage(monkeypatch, "train@toy")
+    sync(project)
+    client, experiment = open_store(project)
+    assert runs_page(client, experiment) == f"#/experiments/{experiment}/runs"
+    monkeypatch.setenv("DVC_STAGE", "report")
+    with journal(params={}) as notes:
+        notes.metrics({f"cf.{n}": 1.0 for n in range(500)})
+    assert sync(project).problems == ()
+    assert runs_page(client, experiment).endswith("/runs?viewStateShareKey=pcrdiff")
+    shown = json.loads(client.get_experiment(experiment).tags[VIEW_TAG])["selectedColumns"]
+    assert {"attributes.`Description`", "metrics.`cf.0`"} <= set(shown)
+    assert len(shown) == 20, "a page of 500 columns shows nothing"
+
+
+def write_params(root: Path, profile: str = "quick", **changed: object) -> None:
+    """Write the values of a profile of the repository, some of them changed; None removes one."""
+    shutil.copytree(REPOSITORY / "profiles", root / "profiles", dirs_exist_ok=True)
+    values = profile_values(
+        root, profile if (root / f"profiles/{profile}.yaml").exists() else "quick"
+    )
+    values["profile"] = profile
+    values["diffusion"] |= changed
+    values["diffusion"] = {k: v for k, v in values["diffusion"].items() if v is not None}
+    Path("params.yaml").write_text(json.dumps(values))  # JSON is YAML
+
+
+def test_a_pipelines_run_has_as_params_what_differs_from_the_profile(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_params(project, steps=4, hypotheses=[1, 2])
+    run_stage(monkeypatch, "train@toy")
+    Path("params.yaml").write_text("written: afterwards")
+    run_stage(monkeypatch, "report")
+    assert sync_after_report().problems == ()
+    (parent,) = runs(project, "pipeline")
+    differs = {"diffusion.hypotheses": "[1, 2]", "diffusion.steps": "4"}
+    assert parent.data.params == {"profile": "quick", **differs}
+    note = parent.data.tags["mlflow.note.content"]
+    assert note == "profile quick, diffusion.hypotheses=[1, 2], diffusion.steps=4"
+
+
+@pytest.mark.parametrize(
+    ("profile", "changed", "expected"),
+    [
+        ("quick", {}, {}),
+        ("quick", {"steps": 4}, {"diffusion.steps": "4"}),
+        ("quick", {"sampler": None}, {"diffusion.sampler": "absent"}),
+        ("quick", {"eta": 0.5}, {"diffusion.eta": "0.5"}),
+        ("real", {}, {}),
+        ("real", {"timesteps": 7}, {"diffusion.timesteps": "7"}),
+        ("mine", {"steps": 4}, {}),
+    ],
+)
+def test_values_are_compared_with_those_of_the_profile_that_is_named(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    profile: str,
+    changed: dict[str, object],
+    expected: dict[str, str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_params(tmp_path, profile, **changed)
+    assert deviations(tmp_path, Path("params.yaml")) == (profile, expected)
+
+
+def test_an_experiment_has_the_params_of_its_own_workspace_though_that_is_gone(
+    project: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    workspace = tmp_path / "temporary"
+    workspace.mkdir()
+    write_params(project)
+    monkeypatch.chdir(workspace)
+    write_params(project, steps=8)
+    run_stage(monkeypatch, "train@toy")
+    monkeypatch.chdir(project)
+    shutil.rmtree(workspace)
+    sync(project)
+    (parent,) = runs(project, "pipeline")
+    assert parent.data.params == {"profile": "quick", "diffusion.steps": "8"}
+
+
+def test_what_a_pipeline_was_asked_for_is_completed_where_it_was_cut_off(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_params(project, steps=8)
+    run_stage(monkeypatch, "train@toy")
+    with monkeypatch.context() as patch:
+        patch.setattr(Store, "_log", lambda *_: (_ for _ in ()).throw(OSError("cut off")))
+        assert "cut off" in sync(project).problems[0]
+    assert sync(project).problems == ()
+    (parent,) = runs(project, "pipeline")
+    assert parent.data.params == {"profile": "quick", "diffusion.steps": "8"}
+
+
+@pytest.mark.parametrize("text", ["a: [", "- a", "7", ""])
+def test_params_that_cannot_be_read_differ_from_nothing(tmp_path: Path, text: str) -> None:
+    (tmp_path / "params.yaml").write_text(text)
+    assert deviations(tmp_path, tmp_path / "params.yaml") == ("unknown", {})
+
+
+def test_params_that_cannot_be_read_hold_up_no_journal(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path("params.yaml").write_text("a: [")
+    run_stage(monkeypatch, "train@toy")
+    report = sync(project)
+    assert (report.shipped, report.problems) == (1, ())
+    assert runs(project, "pipeline")[0].data.params == {"profile": "unknown"}
+
+
 def write_lock(folder: Path, in_md5: str = hashlib.md5(b"abc").hexdigest()) -> None:
-    """Write a dvc.lock of three stages with the metrics of one of them."""
-    (folder / "results").mkdir()
-    (folder / "results" / "toy.json").write_text(METRICS)
-    md5 = hashlib.md5(METRICS.encode()).hexdigest()
+    """Write a dvc.lock of three stages, each of which reads what the one before it wrote."""
     text = {
         "schema": "2.0",
         "stages": {
@@ -234,35 +353,69 @@ def write_lock(folder: Path, in_md5: str = hashlib.md5(b"abc").hexdigest()) -> N
             "evaluate@toy": {
                 "cmd": "e",
                 "deps": [{"path": "model", "md5": "b" * 32}],
-                "params": {"params.yaml": {"diffusion.steps": 4}},
-                "outs": [{"path": "results/toy.json", "md5": md5}],
+                "outs": [{"path": "results/toy", "md5": "d" * 32 + ".dir"}],
             },
         },
     }
     (folder / "dvc.lock").write_text(json.dumps(text))  # JSON is YAML
 
 
-def test_stages_that_dvc_restored_appear_once_with_their_numbers(
+def test_a_stage_that_dvc_restored_makes_no_run_and_is_linked_to_the_one_that_made_it(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_lock(project)
+    run_stage(monkeypatch, "preprocess@toy")
     run_stage(monkeypatch, "train@toy")
+    sync(project)
+    first = by_stage(project)
+    assert first["train@toy"].data.tags["output.model"] == "b" * 32
+    monkeypatch.setenv(VARIABLE, "boot-2-2")
+    run_stage(monkeypatch, "evaluate@toy")
     run_stage(monkeypatch, "report")
     report = sync_after_report()
     assert (report.shipped, report.restored, report.problems) == (2, 2, ())
     again = sync_after_report()
     assert (again.shipped, again.restored) == (0, 0)
-    stages = by_stage(project)
-    assert set(stages) == {"preprocess@toy", "train@toy", "evaluate@toy", "report"}
-    evaluate = stages["evaluate@toy"]
-    assert evaluate.info.status == "FINISHED"
-    assert evaluate.data.params == {"diffusion.steps": "4"}
-    assert evaluate.data.metrics == {"all.recall_percent": 91.5, "failures": 2.0}
-    assert evaluate.data.tags["pcrdiff.restored"] == "true"
-    assert evaluate.data.tags["input.model"] == "b" * 32
-    assert "output.results/toy.json" in evaluate.data.tags
-    assert stages["train@toy"].data.tags["output.model"] == "b" * 32
-    assert "pcrdiff.restored" not in stages["train@toy"].data.tags
+    assert set(by_stage(project)) == {"preprocess@toy", "train@toy", "evaluate@toy", "report"}
+    made_by = {f"{name}_toy": first[f"{name}@toy"].info.run_id for name in ("preprocess", "train")}
+    assert linked(project) == made_by
+    assert "pcrdiff.restored" not in runs(project, "pipeline")[0].data.tags
+
+
+def test_a_restored_stage_is_linked_to_no_run_that_made_something_else(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_lock(project)
+    run_stage(monkeypatch, "train@toy")
+    sync(project)
+    monkeypatch.setenv(VARIABLE, "boot-2-2")
+    lock = (project / "dvc.lock").read_text()
+    (project / "dvc.lock").write_text(lock.replace("b" * 32, "e" * 32))
+    run_stage(monkeypatch, "report")
+    assert sync_after_report().restored == 3
+    assert linked(project)["train_toy"] == NOT_HERE
+
+
+def test_only_what_a_stage_reads_from_counts_as_restored(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_lock(project)
+    run_stage(monkeypatch, "train@toy")
+    assert sync(project).restored == 1
+    assert set(linked(project)) == {"preprocess_toy"}, "nothing read what evaluate wrote"
+
+
+def test_the_reports_entry_in_the_lock_is_that_of_an_earlier_report(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_lock(project)
+    lock = json.loads((project / "dvc.lock").read_text())
+    outs = [{"path": "page.html", "md5": "f" * 32}]
+    lock["stages"]["report"] = {"deps": [{"path": "results"}], "outs": outs}
+    (project / "dvc.lock").write_text(json.dumps(lock))
+    run_stage(monkeypatch, "report")
+    sync_after_report()
+    assert "output.page.html" not in by_stage(project)["report"].data.tags
 
 
 def test_the_restored_stages_of_a_temporary_workspace_come_from_its_own_lock(
@@ -276,7 +429,8 @@ def test_the_restored_stages_of_a_temporary_workspace_come_from_its_own_lock(
     with journal(params={}):
         pass
     assert sync_after_report().restored == 3
-    assert set(by_stage(project)) == {"preprocess@toy", "train@toy", "evaluate@toy", "report"}
+    assert set(linked(project)) == {"preprocess_toy", "train_toy", "evaluate_toy"}
+    assert set(by_stage(project)) == {"report"}
 
 
 def test_by_hand_the_newest_run_gets_its_restored_stages_when_it_is_over(
@@ -285,11 +439,24 @@ def test_by_hand_the_newest_run_gets_its_restored_stages_when_it_is_over(
     write_lock(project)
     monkeypatch.setenv(VARIABLE, process_identity(os.getpid()))
     run_stage(monkeypatch, "train@toy")
-    assert sync(project).restored == 0, "evaluate may still be about to run"
+    assert sync(project).restored == 0, "preprocess may still be about to run"
     monkeypatch.setenv(VARIABLE, "boot-2-2")
     run_stage(monkeypatch, "train@toy")
-    assert sync(project).restored == 2
+    assert sync(project).restored == 1
     assert sync(project).restored == 0
+
+
+def test_a_run_whose_stages_were_sent_while_it_worked_gets_its_restored_ones_afterwards(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_lock(project)
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as above:
+        monkeypatch.setenv(VARIABLE, process_identity(above.pid))
+        run_stage(monkeypatch, "train@toy")
+        assert (sync(project).shipped, linked(project)) == (1, {})
+    report = sync(project)
+    assert (report.shipped, report.restored) == (0, 1)
+    assert set(linked(project)) == {"preprocess_toy"}
 
 
 def test_a_lock_of_another_state_restores_nothing(
@@ -326,13 +493,14 @@ def test_a_dead_server_costs_seconds_and_loses_nothing(
     began = time.monotonic()
     report = sync_after_report()
     assert time.monotonic() - began < 30
-    assert (report.shipped, report.waiting) == (0, 4)
+    assert (report.shipped, report.waiting) == (0, 3)
     (problem,) = report.problems
     assert "did not answer" in problem
-    assert "4 journals are kept for `pcrdiff mlflow sync`" in problem
+    assert "3 journals are kept for `pcrdiff mlflow sync`" in problem
     assert "secret" not in report.sentence()
     monkeypatch.delenv("MLFLOW_TRACKING_URI")
-    assert sync(project).sentence().startswith("2 stage runs and 2 restored ones sent")
+    assert sync(project).sentence().startswith("2 stage runs sent, 2 restored stages noted")
+    assert set(linked(project)) == {"preprocess_toy", "evaluate_toy"}
 
 
 def test_a_bad_journal_does_not_hold_up_the_others(

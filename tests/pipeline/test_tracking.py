@@ -57,7 +57,7 @@ def test_a_journal_holds_what_the_stage_noted(project: Path) -> None:
         notes.artifact(Path("plots/curve.csv"))
     record = only_record(project)
     assert record.stage == "train@toy"
-    assert (record.status, record.error, record.restored) == ("FINISHED", "", False)
+    assert (record.status, record.error, record.restored) == ("FINISHED", "", {})
     assert record.params == {"train": {"epochs": 2}}
     assert record.processor == processor() != ""
     assert record.inputs == {"in.txt": "900150983cd24fb0d6963f7d28e17f72"}  # RFC 1321, A.5
@@ -78,6 +78,15 @@ def test_artifacts_are_copies_that_outlive_the_workspace(project: Path) -> None:
         notes.artifact(project / "view.html")
         (project / "view.html").unlink()
     assert (only_record(project).folder / "artifacts/view.html").read_text() == "seen"
+
+
+def test_the_params_are_kept_as_they_were_when_the_stage_started(project: Path) -> None:
+    (project / "params.yaml").write_text("steps: 1")
+    with journal(params={}):
+        (project / "params.yaml").write_text("steps: 4")
+    record = only_record(project)
+    assert record.params_file.read_text() == "steps: 1"
+    assert record.artifacts == (), "each stage's run would carry a copy"
 
 
 def test_an_exception_ends_the_journal_as_failed_and_goes_on(project: Path) -> None:

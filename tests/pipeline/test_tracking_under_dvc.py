@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.invocation import VARIABLE
-from pipeline.mlflow_sync import Store, open_store
+from pipeline.mlflow_runs import Store
+from pipeline.mlflow_sync import open_store
 from pipeline.records import shipped_records
 from pipeline.tracking import content_md5
 from pipeline.yaml_files import read_yaml
@@ -67,17 +68,22 @@ def dvc(*words: str) -> str:
     return run(sys.executable, "-m", "dvc", *words)
 
 
-def stages_of_pipelines(root: Path) -> list[dict[str, bool]]:
-    """Return stage -> restored of each pipeline run, oldest first."""
+def stages_of_pipelines(root: Path) -> list[dict[str, str]]:
+    """Return stage -> the pipeline run that did it, for each pipeline run, oldest first."""
     client, experiment = open_store(root)
-    store = Store(client, experiment)
-    found = []
-    for parent in store._runs(**{"pcrdiff.kind": "pipeline"}):
+    store = Store(client, experiment, root)
+    found, before = [], "pcrdiff.restored."
+    parents = store._runs(**{"pcrdiff.kind": "pipeline"})
+    number = {parent.info.run_id: f"run {n}" for n, parent in enumerate(parents)}
+    for parent in parents:
         assert parent.info.status == "FINISHED"
         children = store._runs(**{"mlflow.parentRunId": parent.info.run_id})
-        tags = [child.data.tags for child in children]
-        found.append({t["dvc.stage"]: "pcrdiff.restored" in t for t in tags})
+        found.append({c.data.tags["dvc.stage"]: number[parent.info.run_id] for c in children})
         assert len(found[-1]) == len(children), "a stage arrived twice"
+        for name, run_id in parent.data.tags.items():
+            if name.startswith(before):
+                maker = client.get_run(run_id).data.tags
+                found[-1][maker["dvc.stage"]] = number[maker["mlflow.parentRunId"]]
     return found
 
 
@@ -111,7 +117,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_every_stage_of_every_pipeline_run_is_in_mlflow(project: Path) -> None:
     dvc("repro", "report")
     everything = {"train@a", "train@b", "evaluate", "report"}
-    assert stages_of_pipelines(project) == [dict.fromkeys(everything, False)]
+    assert stages_of_pipelines(project) == [dict.fromkeys(everything, "run 0")]
     lock = read_yaml(project / "dvc.lock")
     assert lock["stages"]["train@a"]["deps"][0]["md5"] == content_md5(project / "raw")
     assert {record.status for record in shipped_records(project)} == {"FINISHED"}
@@ -122,6 +128,9 @@ def test_every_stage_of_every_pipeline_run_is_in_mlflow(project: Path) -> None:
     dvc("repro", "--quiet", "-s", "unrelated")
     (project / "params.yaml").write_text("train: 1\nevaluate: 7\nreport: 3\n")
     dvc("repro", "--quiet", "report")
-    trained = {"train@a": True, "train@b": True}
-    sampled = {**trained, "evaluate": False, "report": False}
-    assert stages_of_pipelines(project)[1:] == [sampled, {"unrelated": False}, sampled]
+    trained = {"train@a": "run 0", "train@b": "run 0"}
+    assert stages_of_pipelines(project)[1:] == [
+        {**trained, "evaluate": "run 1", "report": "run 1"},
+        {"unrelated": "run 2"},
+        {**trained, "evaluate": "run 3", "report": "run 3"},
+    ]
