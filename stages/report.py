@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from pipeline.artifacts import write_atomically
+from pipeline.artifacts import write_atomically, write_json
 from pipeline.mlflow_sync import sync_after_report
 from pipeline.params import read_params
 from pipeline.reporting.provenance import read_provenance
@@ -18,7 +18,7 @@ def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     for name in ("results", "models", "pairs", "benchmarks"):
         parser.add_argument(f"--{name}", type=Path, required=True)
-    for name in ("table", "markdown", "latex", "page", "figures", "summary"):
+    for name in ("tables", "figures", "summary", "page"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     args = parser.parse_args(argv)
 
@@ -32,15 +32,15 @@ def main(argv: list[str] | None = None) -> None:
             profile=params.profile,
             provenance=read_provenance(Path.cwd()),
         )
-        write_atomically(args.table, report.table.encode())
-        write_atomically(args.markdown, report.markdown.encode())
-        write_atomically(args.latex, report.latex.encode())
-        write_atomically(args.summary, report.summary.encode())
-        write_atomically(args.page, report.page.encode())
+        for name, table in report.tables.items():
+            write_atomically(args.tables / name, table.encode())
         for name, picture in report.pictures.items():
             write_atomically(args.figures / name, picture)
-        notes.metrics(report.headline)
-        for path in (args.table, args.markdown, args.latex, args.page, args.figures):
+        write_json(args.summary, report.summary)
+        write_atomically(args.page, report.page.encode())
+        for method, errors in report.summary.items():
+            notes.metrics({f"{method}.{scenario}": error for scenario, error in errors.items()})
+        for path in (args.tables, args.figures, args.page):
             notes.artifact(path)
     sys.stderr.write(f"{sync_after_report().sentence()}\n")
 

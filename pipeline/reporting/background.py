@@ -1,14 +1,15 @@
 """Read what stands behind the numbers: how a method was trained, and on which data."""
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
-from pipeline.artifacts import read_attributes, read_csv, read_pairs
+from pcrdiff.registration import Pairs
+from pipeline.artifacts import CURVE, FACTS, read_attributes, read_csv, read_pairs
 from pipeline.reporting.result_files import ABLATIONS
 
 
@@ -27,29 +28,26 @@ class Training:
 
 
 def read_trainings(folder: Path) -> list[Training]:
-    """Read every ``<scenario>/<method>.json`` and the curve beside it, if there is one.
+    """Read every ``facts.json`` under ``folder`` and the ``curve.csv`` beside it, if there is one.
 
-    So are the trainings of ablations, ``ablations/<name>/*.json``, which say themselves what they
-    trained: ``scenario``, ``method`` and ``setting``.
+    Those of ablations come last.
 
     Raises:
         ValueError: A file is cut short or not what it should be.
     """
-    main = [
-        Training(file.parent.name, file.stem, _read_budget(file), _curve(file.with_suffix(".csv")))
-        for file in sorted(folder.glob("*/*.json"))
-        if file.parent.name != ABLATIONS
-    ]
-    return main + [_ablated(file) for file in sorted(folder.glob(f"{ABLATIONS}/*/*.json"))]
+    found = [_read_training(folder, file) for file in sorted(folder.glob(f"**/{FACTS}"))]
+    return sorted(found, key=lambda one: one.setting is not None)
 
 
-def _ablated(file: Path) -> Training:
-    budget = _read_budget(file)
-    names = [budget.get(key) for key in ("scenario", "method", "setting")]
+def _read_training(folder: Path, file: Path) -> Training:
+    budget, ablated = _read_budget(file), file.is_relative_to(folder / ABLATIONS)
+    needed = ["scenario", "method", *(["setting"] if ablated else [])]
+    names = [budget.get(key) for key in needed]
     if not all(isinstance(name, str) for name in names):
-        raise ValueError(f"{file} needs the names of scenario, method and setting, has {names}")
-    scenario, method, setting = map(str, names)
-    return Training(scenario, method, budget, _curve(file.with_suffix(".csv")), setting)
+        raise ValueError(f"{file} needs the names of {', '.join(needed)}, has {names}")
+    scenario, method, *setting = map(str, names)
+    curve = _curve(file.with_name(CURVE))
+    return Training(scenario, method, budget, curve, *setting)
 
 
 def _read_budget(file: Path) -> dict[str, Any]:
@@ -95,37 +93,33 @@ class PairFacts:
     provenance: dict[str, Any]
 
 
-def read_pair_facts(folder: Path, scenario: str) -> PairFacts:
-    """Read what ``<scenario>.h5`` says about itself.
+@dataclass(frozen=True)
+class PairFile:
+    """What a report needs of a pair file, read once."""
+
+    facts: PairFacts
+    test: Pairs
+
+
+def read_pair_files(folder: Path, scenarios: Iterable[str]) -> dict[str, PairFile]:
+    """Read what each ``<scenario>.h5`` says about itself, and its test pairs.
 
     Raises:
-        FileNotFoundError: There is no such file.
-        ValueError: It is not a pair file.
+        FileNotFoundError: A scenario has no pair file.
+        ValueError: A file is not a pair file.
     """
-    path = folder / f"{scenario}.h5"
-    attributes = read_attributes(path)
-    return PairFacts(
+    return {name: _read_pair_file(folder / f"{name}.h5", name) for name in sorted({*scenarios})}
+
+
+def _read_pair_file(path: Path, scenario: str) -> PairFile:
+    attributes, test = read_attributes(path), read_pairs(path, "test")
+    facts = PairFacts(
         scenario=scenario,
         source=str(attributes["provenance"].get("source", "unknown")),
         unit=str(attributes["unit"]),
         seed=int(attributes["seed"]),
         schema=int(attributes["schema"]),
-        test_pairs=len(read_pairs(path, "test")),
+        test_pairs=len(test),
         provenance=attributes["provenance"],
     )
-
-
-def read_test_pair(
-    folder: Path, scenario: str, pair: int
-) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "m 3"]]:
-    """Read source and target of one test pair of ``<scenario>.h5``, each in its own frame.
-
-    Raises:
-        FileNotFoundError: There is no such file.
-        ValueError: It is not a pair file, or has no such pair.
-    """
-    path = folder / f"{scenario}.h5"
-    test = read_pairs(path, "test")
-    if not 0 <= pair < len(test):
-        raise ValueError(f"{path} needs a test pair {pair}, it has {len(test)}")
-    return test.source[pair].double().numpy(), test.target[pair].double().numpy()
+    return PairFile(facts, test)

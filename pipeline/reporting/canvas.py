@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from PIL import Image
 
 from pipeline.reporting.figures import GREEN, GREY, GRID, INK, ORANGE, RED, method_color
@@ -18,6 +18,8 @@ DPI = 110
 WIDTH = 12.4
 """In inches: 1364 pixels, the width of a laptop's screen."""
 COLUMNS = 3
+LEGEND = 2.0
+"""In inches: room for the names of the methods."""
 CLASSICAL = (INK, RED, ORANGE, GREEN, "#56B4E9", "#CC79A7", GREY)
 DASHES = {"learned": "-", "classical": "--", "floor": ":"}
 
@@ -34,22 +36,42 @@ def line_style(method: str) -> dict[str, Any]:
 
 
 def method_legend(figure: Figure, methods: Sequence[str]) -> None:
-    """Name the lines of all panels, at the right of them."""
+    """Name the lines of all panels, in the room ``LEGEND`` at the right of them."""
     ordered = sorted(methods, key=method_rank)
     lines = [Line2D([], [], **line_style(method)) for method in ordered]
     names = [shown(method).name for method in ordered]
-    figure.legend(lines, names, loc="outside right upper", fontsize=8, frameon=False)
+    figure.legend(lines, names, loc="upper right", fontsize=8, frameon=False)
 
 
-def grid_of_panels(count: int, height: float, columns: int = COLUMNS) -> tuple[Figure, list[Axes]]:
-    """Make a figure of so many panels, each so many inches high."""
+def grid_of_panels(
+    count: int,
+    height: float,
+    *,
+    columns: int = COLUMNS,
+    labels: float = 0.75,
+    left: float = 0.0,
+    legend: float = 0.0,
+) -> tuple[Figure, list[Axes]]:
+    """Make a figure of so many panels; all lengths are in inches.
+
+    Args:
+        count: How many.
+        height: Of a panel with its title and labels.
+        columns: Panels side by side.
+        labels: Room left of each panel for its labels.
+        left: Room left of all panels.
+        legend: Room right of all panels.
+    """
     columns = min(columns, count)
-    rows = -(-count // columns)
-    figure = Figure(figsize=(WIDTH, rows * height + 0.4), layout="constrained")
-    axes = [*figure.subplots(rows, columns, squeeze=False).flat]
-    for ax in axes[count:]:
-        ax.set_visible(False)
-    return figure, axes[:count]
+    total = -(-count // columns) * height
+    width = (WIDTH - left - legend) / columns
+    figure = Figure(figsize=(WIDTH, total))
+    size = (width - labels - 0.15) / WIDTH, (height - 0.9) / total
+    places = [
+        ((left + column * width + labels) / WIDTH, 1 - ((row + 1) * height - 0.55) / total)
+        for row, column in (divmod(index, columns) for index in range(count))
+    ]
+    return figure, [figure.add_axes((*place, *size)) for place in places]
 
 
 def dress(ax: Axes, title: str, x: str, y: str) -> None:
@@ -70,7 +92,7 @@ def plain_numbers(ax: Axes, axes: str) -> None:
         if high < 100 * low:  # too few powers of ten to read values by
             one.set_major_locator(LogLocator(subs=(1, 2, 5)))
         one.set_major_formatter(FuncFormatter(_plain))
-        one.set_minor_formatter(NullFormatter())
+        one.set_minor_locator(NullLocator())  # hundreds of ticks, most of the time a chart takes
 
 
 def _plain(value: float, _: object) -> str:
@@ -79,9 +101,9 @@ def _plain(value: float, _: object) -> str:
 
 def png(figure: Figure) -> bytes:
     """Render in 256 colours, without a date or a version: the same figure, the same bytes."""
-    FigureCanvasAgg(figure)
-    drawn, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=DPI, metadata={"Software": None})
-    image = Image.open(drawn).convert("RGB")
-    image.quantize(256, dither=Image.Dither.NONE).save(small, format="png", optimize=True)
+    figure.set_dpi(DPI)
+    canvas, small = FigureCanvasAgg(figure), io.BytesIO()
+    drawn, size = canvas.print_to_buffer()  # type: ignore[no-untyped-call]  # has no annotations
+    image = Image.frombytes("RGBA", size, drawn).convert("RGB")
+    image.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(small, "png")
     return small.getvalue()

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from pipeline.reporting.canvas import (
+    LEGEND,
     dress,
     grid_of_panels,
     line_style,
@@ -36,8 +37,8 @@ EDGE = f"{LEAST_DEG:g} or less at the edge"
 """Smaller errors are drawn as if they were so large: the axis is logarithmic."""
 SAMPLERS = {"ddpm": ("-", "o", BLUE), "ddim": ("--", "s", RED)}
 """Dashes, mark and colour."""
-LABELLED = np.array([5.5, 5.0])
-"""Inches of a panel whose points have names, about."""
+LABELLED = np.array([4.45, 4.7])
+"""Inches of a panel whose points have names."""
 LETTER = 0.062
 """Of a name's width, in inches."""
 HEIGHTS = [sign * 0.15 * k for k in range(9) for sign in (1, -1)]
@@ -48,7 +49,7 @@ def draw_distributions(scores: Sequence[Scores]) -> bytes:
     """Draw the share of pairs below each ERROR(R), a panel a scenario, a line a method."""
     main = headlines(scores)
     scenarios = sorted({scenario for scenario, _ in main}, key=scenario_rank)
-    figure, axes = grid_of_panels(len(scenarios), 3.2)
+    figure, axes = grid_of_panels(len(scenarios), 3.2, legend=LEGEND)
     for ax, scenario in zip(axes, scenarios, strict=True):
         for method in sorted((m for s, m in main if s == scenario), key=method_rank):
             errors = np.sort(main[scenario, method].numbers["error_r_deg"]).clip(LEAST_DEG)
@@ -75,7 +76,7 @@ def draw_accuracy_time(rows: Sequence[Row]) -> bytes:
         for (method, setting, metric), seconds in at.items()
         if metric == "seconds" and (method, setting, "error_r_deg") in at
     ]
-    figure, (ours, theirs) = grid_of_panels(2, 5.6, columns=2)
+    figure, (ours, theirs) = grid_of_panels(2, 5.6, columns=2, legend=1.7)
     for seconds, error in points:
         _draw_cost(ours, seconds, error)
     printed = [
@@ -98,7 +99,7 @@ def draw_accuracy_time(rows: Sequence[Row]) -> bytes:
         Line2D([], [], color=INK, marker="o", mfc="white", ls=""),
     ]
     names = [*KINDS, "authors' own settings"]
-    figure.legend(marks, names, loc="outside lower left", ncols=4, fontsize=8, frameon=False)
+    figure.legend(marks, names, loc="upper right", fontsize=8, frameon=False)
     return png(figure)
 
 
@@ -179,7 +180,7 @@ def draw_difficulty(rows: Sequence[Row]) -> bytes:
         for start, (scenario, _) in panels.items()
     }
     there = [start for start in panels if found[start]]
-    figure, axes = grid_of_panels(len(there), 4.6)
+    figure, axes = grid_of_panels(len(there), 4.6, legend=LEGEND)
     for ax, start in zip(axes, there, strict=True):
         scenario, label = panels[start]
         _draw_dependence(ax, found[start])
@@ -276,7 +277,7 @@ def draw_ablations(rows: Sequence[Row]) -> bytes:
         for name in names
     }
     there = [name for name in names if found[name]]
-    figure, axes = grid_of_panels(len(there), 3.9)
+    figure, axes = grid_of_panels(len(there), 3.6, columns=2, labels=1.95)
     constant = main_rows(rows, "error_r_deg").get((UNSEEN_OBJECTS, "constant"))
     for ax, name in zip(axes, there, strict=True):
         _draw_settings(ax, found[name])

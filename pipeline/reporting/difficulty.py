@@ -1,15 +1,14 @@
 """How hard each test pair is, and the pairs of like difficulty."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
 
 from pcrdiff.registration import Pairs
-from pipeline.artifacts import read_pairs
+from pipeline.reporting.background import PairFile
 from pipeline.reporting.paper import UNSEEN_OBJECTS
 
 PARTIAL = "modelnet40-partial"
@@ -43,21 +42,16 @@ class Difficulty:
         return {name: inside for name, inside in found.items() if len(inside) >= FEWEST}
 
 
-def read_difficulties(folder: Path, scenarios: Iterable[str]) -> list[Difficulty]:
-    """Measure the test pairs: the true angle on unseen objects, the overlap on partial clouds.
-
-    Raises:
-        FileNotFoundError: A scenario has no pair file in ``folder``.
-        ValueError: It is not a pair file.
-    """
+def measure_difficulties(files: Mapping[str, PairFile]) -> list[Difficulty]:
+    """Measure the test pairs: the true angle on unseen objects, the overlap on partial clouds."""
     measures: dict[str, tuple[str, Callable[[Pairs], Float64[np.ndarray, " pairs"]]]] = {
         UNSEEN_OBJECTS: (ROTATION, rotation_deg),
         PARTIAL: (OVERLAP, overlap),
     }
     return [
-        Difficulty(scenario, name, measure(read_pairs(folder / f"{scenario}.h5", "test")))
+        Difficulty(scenario, name, measure(files[scenario].test))
         for scenario, (name, measure) in measures.items()
-        if scenario in set(scenarios)
+        if scenario in files
     ]
 
 

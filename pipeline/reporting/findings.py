@@ -20,6 +20,7 @@ from pipeline.reporting.paper import (
 )
 from pipeline.reporting.tables import IMPROVEMENT, Row
 from pipeline.reporting.views import natural, setting_rank, spread
+from pipeline.reporting.weighing import ELSEWHERE as ELSEWHERE
 from pipeline.reporting.weighing import (
     NO_DIFFERENCE_DEG,
     Numbers,
@@ -45,6 +46,8 @@ SPEEDS = {
     CF: "Table 6: below 1e-10 s, less than one operation of a processor takes",
     CB: "Table 6: 0.0986 s; but it prints 0.0042 s for ICP and 0.0916 s for FGR",
 }
+UNWEIGHED = ("quick", "tables")
+"""Profiles that train too little for a verdict."""
 FULL_OVERLAP = tuple(name for name, at in SCENARIOS.items() if at.table in ("1a", "1b", "1c", "2"))
 
 

@@ -17,8 +17,8 @@ from pipeline.reporting.views import (
 )
 
 MADE = (
-    "Needs \\usepackage{booktabs} and \\usepackage{graphicx}. Made from reports/results.csv by the"
-    " stage `report`: the same results, the same bytes.",
+    "Needs \\usepackage{booktabs} and \\usepackage{graphicx}. Made from what results.csv holds"
+    " by the stage `report`: the same results, the same bytes.",
     f"A cell reads: ours (the paper's) [95 % interval of a bootstrap over test pairs, {RESAMPLES}"
     " resamples].",
 )

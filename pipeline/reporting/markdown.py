@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from pipeline.reporting.background import PairFacts
-from pipeline.reporting.findings import RULE, Finding
+from pipeline.reporting.findings import ELSEWHERE, RULE, Finding
 from pipeline.reporting.tables import Row
 from pipeline.reporting.views import (
     HEADINGS,
@@ -33,9 +33,10 @@ def render_markdown(
 ) -> str:
     """Write what was found, then all tables, with floors, the paper's numbers and footnotes."""
     head = ["# Results", *([f"**{banner}**"] if banner else [])]
-    found = ["## What we found", RULE, "\n".join(map(_finding, findings))] if findings else []
-    body = [LEGEND, *(_table(table, facts) for table in tables)]
-    return "\n\n".join([*head, *found, *(["## Tables"] if found else []), *body]) + "\n"
+    found = [ELSEWHERE]
+    if findings:
+        found = ["## What we found", RULE, "\n".join(map(_finding, findings)), "## Tables"]
+    return "\n\n".join([*head, *found, LEGEND, *(_table(table, facts) for table in tables)]) + "\n"
 
 
 def _finding(finding: Finding) -> str:

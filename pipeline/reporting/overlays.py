@@ -2,15 +2,12 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64
 
-from pcrdiff.registration import Pairs
-from pipeline.artifacts import read_pairs
-from pipeline.reporting.background import PairFacts, read_pair_facts
+from pipeline.reporting.background import PairFacts, PairFile
 from pipeline.reporting.paper import method_rank, place, scenario_rank, shown
 from pipeline.reporting.result_files import Scores, headlines
 from pipeline.walks import Walk
@@ -70,30 +67,30 @@ class KnownPair:
     T_target_source: Float64[np.ndarray, "4 4"]
 
 
-def read_overlays(scores: Sequence[Scores], pairs: Path) -> list[Overlay]:
+def make_overlays(scores: Sequence[Scores], files: Mapping[str, PairFile]) -> list[Overlay]:
     """Make the median overlay of each data set, of the first of its scenarios."""
     first: dict[str, str] = {}
     for scenario in sorted({one.scenario for one in scores}, key=scenario_rank):
         first.setdefault(scenario.partition("-")[0], scenario)
-    return [_read_overlay(_overlaid(scores, scenario), pairs) for scenario in first.values()]
+    return [
+        _three_overlays(_overlaid(scores, scenario), files[scenario]) for scenario in first.values()
+    ]
 
 
-def read_walked_pairs(
-    walks: Mapping[str, Sequence[Walk]], pairs: Path
+def pick_walked_pairs(
+    walks: Mapping[str, Sequence[Walk]], files: Mapping[str, PairFile]
 ) -> dict[str, dict[int, KnownPair]]:
-    """Read the test pairs that were walked, by scenario and index in its test group.
+    """Pick the test pairs that were walked, by scenario and index in its test group.
 
     Raises:
-        FileNotFoundError: A scenario has no pair file.
-        ValueError: A file is not a pair file, or lacks a pair that was walked.
+        ValueError: A scenario lacks a pair that was walked.
     """
-    found: dict[str, dict[int, KnownPair]] = {}
-    for scenario, walked in sorted(walks.items()):
-        test = read_pairs(pairs / f"{scenario}.h5", "test")
-        found[scenario] = {
-            pair: _known_pair(test, pair, scenario) for pair in sorted({w.pair for w in walked})
+    return {
+        scenario: {
+            pair: _known_pair(files[scenario], pair) for pair in sorted({w.pair for w in walked})
         }
-    return found
+        for scenario, walked in sorted(walks.items())
+    }
 
 
 def choose_pairs(scores: Scores) -> dict[Choice, int]:
@@ -124,21 +121,17 @@ def _overlaid(scores: Iterable[Scores], scenario: str) -> list[Scores]:
     return [found.pop(chooser), *found.values()]
 
 
-def _read_overlay(scores: Sequence[Scores], pairs: Path) -> Overlay:
-    scenario = scores[0].scenario
-    facts = read_pair_facts(pairs, scenario)
-    test = read_pairs(pairs / f"{scenario}.h5", "test")
+def _three_overlays(scores: Sequence[Scores], file: PairFile) -> Overlay:
     chosen = {
-        choice: _overlay(scores, facts, test, pair)
-        for choice, pair in choose_pairs(scores[0]).items()
+        choice: _overlay(scores, file, pair) for choice, pair in choose_pairs(scores[0]).items()
     }
     return replace(chosen["median"], others=(chosen["best"], chosen["worst"]))
 
 
-def _overlay(scores: Sequence[Scores], facts: PairFacts, test: Pairs, pair: int) -> Overlay:
-    known = _known_pair(test, pair, facts.scenario)
+def _overlay(scores: Sequence[Scores], file: PairFile, pair: int) -> Overlay:
+    known = _known_pair(file, pair)
     return Overlay(
-        facts=facts,
+        facts=file.facts,
         pair=pair,
         group=scores[0].group[scores[0].pair.tolist().index(pair)],
         source=known.source,
@@ -147,9 +140,10 @@ def _overlay(scores: Sequence[Scores], facts: PairFacts, test: Pairs, pair: int)
     )
 
 
-def _known_pair(test: Pairs, pair: int, scenario: str) -> KnownPair:
+def _known_pair(file: PairFile, pair: int) -> KnownPair:
+    test = file.test
     if not 0 <= pair < len(test):
-        raise ValueError(f"{scenario} needs a test pair {pair}, it has {len(test)}")
+        raise ValueError(f"{file.facts.scenario} needs a test pair {pair}, it has {len(test)}")
     return KnownPair(
         group=test.group[pair],
         source=test.source[pair].double().numpy(),

@@ -20,7 +20,7 @@ from pipeline.reporting.figures import (
     distribution_figure,
     errors_figure,
 )
-from pipeline.reporting.findings import RULE, Finding
+from pipeline.reporting.findings import ELSEWHERE, RULE, Finding
 from pipeline.reporting.overlays import KnownPair, Overlay
 from pipeline.reporting.paper import (
     ABLATIONS,
@@ -118,6 +118,7 @@ def render_page(contents: Contents) -> str:
         latency_name=latency_name,
         RESAMPLES=RESAMPLES,
         RULE=RULE.replace("**", ""),
+        ELSEWHERE=ELSEWHERE.replace("`", ""),
     )
     scenarios = sorted(contents.facts, key=scenario_rank)
     curves = _by_scenario(contents.trainings)

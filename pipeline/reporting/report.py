@@ -1,16 +1,15 @@
 """From folders of results to everything under ``reports/``."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.benchmark_files import read_benchmarks
-from pipeline.reporting.background import read_pair_facts, read_trainings
-from pipeline.reporting.difficulty import read_difficulties
-from pipeline.reporting.findings import make_findings
+from pipeline.reporting.background import read_pair_files, read_trainings
+from pipeline.reporting.difficulty import measure_difficulties
+from pipeline.reporting.findings import UNWEIGHED, make_findings
 from pipeline.reporting.latex import render_latex
 from pipeline.reporting.markdown import render_markdown
-from pipeline.reporting.overlays import read_overlays, read_walked_pairs
+from pipeline.reporting.overlays import make_overlays, pick_walked_pairs
 from pipeline.reporting.page import Contents, render_page
 from pipeline.reporting.pictures import draw_all
 from pipeline.reporting.provenance import Provenance
@@ -26,23 +25,13 @@ BOOTSTRAP_SEED = 0
 class Report:
     """The files under ``reports/``, not yet written."""
 
-    table: str
-    markdown: str
-    latex: str
-    page: str
-    summary: str
+    tables: dict[str, str]
+    """By file name."""
     pictures: dict[str, bytes]
     """By file name."""
-
-    @property
-    def headline(self) -> dict[str, float]:
-        """The summary's numbers by ``<scenario>.<method>.error_r_deg``."""
-        errors = json.loads(self.summary)["error_r_deg"]
-        return {
-            f"{scenario}.{method}.error_r_deg": value
-            for scenario, methods in errors.items()
-            for method, value in methods.items()
-        }
+    summary: dict[str, dict[str, float]]
+    """Mean ERROR(R) in degrees of ``cf`` and ``cb``, by scenario."""
+    page: str
 
 
 def make_report(
@@ -57,10 +46,10 @@ def make_report(
     """Compute all numbers once and render them: the same inputs, the same bytes.
 
     Args:
-        results: Folder of ``<scenario>/<method>.csv``, ``ablations/<name>.csv``,
+        results: Folder of ``<family>/<scenario>/<method>.csv``, ``ablations/<name>.csv``,
             ``times/<method>.csv`` and ``walks/<scenario>/<method>.csv``; only the first are a must.
-        models: Folder of ``<scenario>/<method>.json`` with a curve ``.csv`` beside each, and of
-            the same under ``ablations/<name>``.
+        models: Folder that has, at any depth, a ``facts.json`` for each training, and beside it
+            its ``curve.csv``.
         pairs: Folder of the pair files ``<scenario>.h5``.
         benchmarks: Folder of what `make bench` measured; may hold nothing.
         profile: Name of the profile the numbers were made with.
@@ -70,32 +59,31 @@ def make_report(
         FileNotFoundError: There are no results, or no pair file for some of them.
         ValueError: A file is cut short or ill-formed.
     """
-    scores = read_results(results)
-    scenarios = {one.scenario for one in scores}
-    trainings = read_trainings(models)
-    facts = {name: read_pair_facts(pairs, name) for name in scenarios}
-    difficulties = read_difficulties(pairs, scenarios)
-    rows = make_rows(scores, read_times(results), difficulties, seed=BOOTSTRAP_SEED)
-    tables = make_tables(rows, trainings, facts)
-    findings = make_findings(rows)
-    overlays, walks = read_overlays(scores, pairs), read_all_walks(results)
-    warning = banner(profile, facts.values())
+    scores, walks = read_results(results), read_all_walks(results)
+    files = read_pair_files(pairs, [*(one.scenario for one in scores), *walks])
+    facts = {name: file.facts for name, file in files.items()}
+    trainings, overlays = read_trainings(models), make_overlays(scores, files)
+    rows = make_rows(scores, read_times(results), measure_difficulties(files), seed=BOOTSTRAP_SEED)
+    tables, warning = make_tables(rows, trainings, facts), banner(profile, facts.values())
+    findings = [] if profile in UNWEIGHED else make_findings(rows)
     contents = Contents(
         rows, tables, overlays, trainings, facts, profile, warning,
         findings=findings,
         walks=walks,
-        walked=read_walked_pairs(walks, pairs),
+        walked=pick_walked_pairs(walks, files),
         scores=scores,
         provenance=provenance,
         benchmarks=read_benchmarks(benchmarks),
     )  # fmt: skip
     return Report(
-        table=format_rows(rows),
-        markdown=render_markdown(tables, facts, warning, findings),
-        latex=render_latex(tables, facts, warning),
-        page=render_page(contents),
-        summary=json.dumps(summarise(rows, profile), indent=2, sort_keys=True) + "\n",
+        tables={
+            "results.csv": format_rows(rows),
+            "results.md": render_markdown(tables, facts, warning, findings),
+            "results.tex": render_latex(tables, facts, warning),
+        },
         pictures=draw_all(rows, overlays, trainings, scores),
+        summary=summarise(rows),
+        page=render_page(contents),
     )
 
 

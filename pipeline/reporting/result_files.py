@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ COLUMNS = ("pair", "item", "group", "setting", "failure", *NUMBERS)
 EXTRAS = ("recall", "seconds")
 """Columns a file may have besides: 0 or 1 by the benchmark's own test, and the time taken."""
 ABLATIONS, TIMES, WALKS = "ablations", "times", "walks"
-"""Folders beside those of the scenarios."""
+"""Folders beside those of the families of methods."""
 TIMED = ("seconds", "peak_memory_mib")
 
 
@@ -77,20 +78,19 @@ class Times:
 
 
 def read_results(folder: Path) -> list[Scores]:
-    """Read every ``<scenario>/<method>.csv`` and ``ablations/<name>.csv`` under ``folder``.
+    """Read every ``<family>/<scenario>/<method>.csv`` and ``ablations/<name>.csv``.
 
     Raises:
         FileNotFoundError: There is none.
         ValueError: One is cut short or ill-formed, or its pairs are not those of its neighbours.
     """
-    files = [
-        file for file in sorted(folder.glob("*/*.csv")) if file.parent.name not in (TIMES, WALKS)
-    ]
+    main = [file for file in folder.glob("*/*/*.csv") if file.parts[-3] != WALKS]
+    files = sorted([*main, *folder.glob(f"{ABLATIONS}/*.csv")])
     if not files:
-        raise FileNotFoundError(f"{folder} needs a <scenario>/<method>.csv, found none")
-    scores = [one for file in files for one in read_scores(file)]
-    _check_same_pairs(folder, scores)
-    return scores
+        raise FileNotFoundError(f"{folder} needs a <family>/<scenario>/<method>.csv, found none")
+    read = [(file, one) for file in files for one in read_scores(file)]
+    _check_same_pairs(read)
+    return [one for _, one in read]
 
 
 def read_times(folder: Path) -> list[Times]:
@@ -117,7 +117,7 @@ def _read_timed(file: Path) -> list[Times]:
 def _times(file: Path, setting: str, rows: list[list[str]]) -> Times:
     pair, order = _pairs(file, setting, [row[0] for row in rows])
     numbers = {
-        name: np.array([_number(file, name, row[column]) for row in rows])[order]
+        name: _numbers(file, name, [row[column] for row in rows])[order]
         for column, name in enumerate(TIMED, start=2)
     }
     if not (numbers["seconds"] > 0).all() or (numbers["peak_memory_mib"] < 0).any():
@@ -172,8 +172,7 @@ def _scores(
         group=tuple(row["group"] for row in rows),
         failed=np.array([row["failure"] != "" for row in rows]),
         numbers={
-            name: np.array([_number(file, name, row[name]) for row in rows])
-            for name in (*NUMBERS, *extras)
+            name: _numbers(file, name, [row[name] for row in rows]) for name in (*NUMBERS, *extras)
         },
     )
 
@@ -182,7 +181,7 @@ def _pairs(
     file: Path, setting: str, texts: list[str]
 ) -> tuple[Int64[np.ndarray, " pairs"], Int64[np.ndarray, " pairs"]]:
     """Read the pairs' indices, ascending, and say which row each is in."""
-    pair = np.array([_number(file, "pair", text) for text in texts]).astype(np.int64)
+    pair = _numbers(file, "pair", texts).astype(np.int64)
     order = np.argsort(pair, kind="stable")
     twice = pair[order][1:][np.diff(pair[order]) == 0]
     if len(twice):
@@ -190,14 +189,18 @@ def _pairs(
     return pair[order], order
 
 
-def _number(file: Path, column: str, text: str) -> float:
+def _numbers(file: Path, column: str, texts: list[str]) -> Float64[np.ndarray, " pairs"]:
+    wrong = next((text for text in texts if not _is_finite(text)), None)
+    if wrong is not None:
+        raise ValueError(f"{file} needs a finite number in column {column}, got {wrong!r}")
+    return np.array([*map(float, texts)])
+
+
+def _is_finite(text: str) -> bool:
     try:
-        value = float(text)
+        return isfinite(float(text))
     except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise ValueError(f"{file} needs a finite number in column {column}, got {text!r}")
-    return value
+        return False
 
 
 def _is_ablation(file: Path) -> bool:
@@ -214,15 +217,13 @@ def _check_columns(file: Path, header: list[str]) -> None:
         raise ValueError(f"{file} has columns nobody here reads: {', '.join(unknown)}")
 
 
-def _check_same_pairs(folder: Path, scores: list[Scores]) -> None:
+def _check_same_pairs(read: list[tuple[Path, Scores]]) -> None:
     union: dict[tuple[str | None, str], set[int]] = {}
-    for one in scores:
+    for _, one in read:
         union.setdefault((one.ablation, one.scenario), set()).update(one.pair.tolist())
-    for one in scores:
+    for file, one in read:
         wanted = len(union[one.ablation, one.scenario])
         if len(one.pair) != wanted:
-            place = folder / (one.scenario if one.ablation is None else ABLATIONS)
-            file = place / f"{one.ablation or one.method}.csv"
             raise ValueError(
                 f"{file} needs all {wanted} pairs its scenario was tried on,"
                 f" has {len(one.pair)} under {one.method}, {one.setting}"

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from jaxtyping import Float64
 
-from pcrdiff.metrics import error_r_deg, error_t
+from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pipeline.reporting.figures import BLUE, GREEN, ORANGE, Figure, layout
 from pipeline.reporting.overlays import Cloud, KnownPair, Overlay, describe, thin
 from pipeline.reporting.paper import shown

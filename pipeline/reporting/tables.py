@@ -3,7 +3,8 @@
 import csv
 import io
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -228,6 +229,7 @@ def _contrasted(contrast: Contrast, seed: int) -> Iterator[Row]:
                 yield at.row(IMPROVEMENT, numbers, len(first), failures)
 
 
+@lru_cache(maxsize=4)
 def _resamples(pairs: int, seed: int) -> Int64[np.ndarray, "draws pairs"]:
     return np.random.default_rng(seed).integers(pairs, size=(RESAMPLES, pairs))
 
@@ -278,7 +280,7 @@ def format_rows(rows: Iterable[Row]) -> str:
     writer = csv.DictWriter(text, [field.name for field in fields(Row)], lineterminator="\n")
     writer.writeheader()
     for row in rows:
-        cells = asdict(row) | {"paper": "" if row.paper is None else repr(row.paper)}
+        cells = vars(row) | {"paper": "" if row.paper is None else repr(row.paper)}
         writer.writerow({key: _cell(value) for key, value in cells.items()})
     return text.getvalue()
 

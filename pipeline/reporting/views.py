@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from pipeline.reporting.background import PairFacts, Training
 from pipeline.reporting.contrasts import DRAW
@@ -15,7 +15,6 @@ from pipeline.reporting.paper import (
     CONCAT,
     FLOORS,
     PRINTED,
-    SCENARIOS,
     TIMING,
     VALUES,
     method_rank,
@@ -180,7 +179,7 @@ def spread(draws: Sequence[Row]) -> Row:
     """
     freedom = len(draws) - 1
     value = float(np.std([row.value for row in draws], ddof=1))
-    low, high = value * np.sqrt(freedom / chi2.ppf([0.975, 0.025], freedom))
+    low, high = value * np.sqrt(freedom / (2 * gammaincinv(freedom / 2, [0.975, 0.025])))
     first = min(draws, key=lambda row: len(row.setting))
     return replace(first, metric=SPREAD, value=value, low=float(low), high=float(high), paper=None)
 
@@ -340,13 +339,14 @@ def main_rows(rows: Iterable[Row], metric: str) -> dict[tuple[str, str], Row]:
     return chosen
 
 
-def summarise(rows: Sequence[Row], profile: str) -> dict[str, object]:
-    """Pick the headlines: every method on the paper's first setting, CF and CB on all."""
-    errors: dict[str, dict[str, float]] = {}
+def summarise(rows: Iterable[Row]) -> dict[str, dict[str, float]]:
+    """Pick the mean ERROR(R) [deg] of CF and CB on each scenario, to four digits."""
+    summary: dict[str, dict[str, float]] = {"cf": {}, "cb": {}}
     for (scenario, method), row in main_rows(rows, "error_r_deg").items():
-        if scenario == next(iter(SCENARIOS)) or method.startswith("pcrdiffusion_"):
-            errors.setdefault(scenario, {})[method] = row.value
-    return {"profile": profile, "error_r_deg": errors}
+        _, _, ours = method.partition("pcrdiffusion_")
+        if ours in summary:
+            summary[ours][scenario.removeprefix("modelnet40-")] = float(f"{row.value:.4g}")
+    return summary
 
 
 def show(value: float) -> str:

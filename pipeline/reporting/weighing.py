@@ -24,6 +24,12 @@ RULE = (
     " meant unless other settings are named."
 )
 
+ELSEWHERE = (
+    "The paper's claims are weighed in the report on real data, `reports/real/results.md`; this one"
+    " gives no verdicts."
+)
+"""Stands in a report without findings."""
+
 
 class Numbers:
     """Rows by what they hold, over all pairs of a scenario."""

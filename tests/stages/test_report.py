@@ -9,18 +9,22 @@ import pytest
 from pipeline.mlflow_sync import SyncReport
 from pipeline.reporting.tables import parse_rows
 from stages.report import main
-from tests.pipeline.reporting.made_up_results import make_report_inputs, write_everything
+from tests.pipeline.reporting.made_up_results import (
+    make_report_inputs,
+    result_file,
+    write_everything,
+)
 
 SCENARIOS = ("modelnet40-unseen_objects", "kitti")
 PICTURES = ["ablations", "accuracy_time", "curves", "difficulty", "distributions", "errors"]
-PICTURES += ["overlays", "panels_kitti", "panels_modelnet40", "steps"]
+PICTURES += ["panels_kitti", "panels_modelnet40", "steps"]
 FILES = [
     *(f"figures/{name}.png" for name in PICTURES),
     "index.html",
-    "results.csv",
-    "results.md",
-    "results.tex",
     "summary.json",
+    "tables/results.csv",
+    "tables/results.md",
+    "tables/results.tex",
 ]
 
 
@@ -52,27 +56,42 @@ def test_writes_every_output_and_the_same_bytes_twice(tmp_path: Path) -> None:
     assert contents(tmp_path / "reports") == once
 
 
-def test_the_summary_holds_numbers_of_the_table(tmp_path: Path) -> None:
+def test_the_summary_holds_the_errors_of_cf_and_cb_to_four_digits_and_nothing_else(
+    tmp_path: Path,
+) -> None:
     write_everything(tmp_path, SCENARIOS, 4)
     main(make_report_inputs(tmp_path))
-    summary = json.loads((tmp_path / "reports" / "summary.json").read_text())
-    rows = parse_rows((tmp_path / "reports" / "results.csv").read_text())
-    (cb,) = [
-        row.value
+    rows = parse_rows((tmp_path / "reports" / "tables" / "results.csv").read_text())
+    found = {
+        (row.method, row.scenario): row.value
         for row in rows
-        if (row.scenario, row.method, row.metric) == ("kitti", "pcrdiffusion_cb", "error_r_deg")
-        and row.kind == "line"
+        if (row.setting, row.subset, row.metric) == ("paper", "all", "error_r_deg")
+        and row.table in ("1a", "2")
+    }
+    expected = {
+        short: {
+            name: float(f"{found[f'pcrdiffusion_{short}', scenario]:.4g}")
+            for name, scenario in (("kitti", "kitti"), ("unseen_objects", SCENARIOS[0]))
+        }
+        for short in ("cf", "cb")
+    }
+    summary = json.loads((tmp_path / "reports" / "summary.json").read_text())
+    assert summary == expected
+    notes = [
+        event["values"]
+        for file in (tmp_path / "project").rglob("*.jsonl")
+        for event in map(json.loads, file.read_text().splitlines())
+        if event["event"] == "metrics"
     ]
-    assert summary["error_r_deg"]["kitti"]["pcrdiffusion_cb"] == cb
-    assert len(summary["error_r_deg"]["modelnet40-unseen_objects"]) == 7
-    assert summary["profile"] == "quick"
+    noted = {name: value for values in notes for name, value in values.items()}
+    assert noted == {f"{m}.{s}": v for m, errors in expected.items() for s, v in errors.items()}
 
 
 def test_a_cut_result_leaves_the_last_report_as_it_was(tmp_path: Path) -> None:
     write_everything(tmp_path, SCENARIOS, 4)
     main(make_report_inputs(tmp_path))
     before = contents(tmp_path / "reports")
-    file = tmp_path / "results" / "kitti" / "icp.csv"
+    file = result_file(tmp_path / "results", "kitti", "icp")
     file.write_bytes(file.read_bytes()[:-30])
     with pytest.raises(ValueError, match=r"kitti/icp\.csv needs"):
         main(make_report_inputs(tmp_path))
@@ -80,5 +99,5 @@ def test_a_cut_result_leaves_the_last_report_as_it_was(tmp_path: Path) -> None:
 
 
 def test_an_empty_folder_of_results_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match="results needs a <scenario>/<method>"):
+    with pytest.raises(FileNotFoundError, match="results needs a <family>/<scenario>/<method>"):
         main(make_report_inputs(tmp_path))

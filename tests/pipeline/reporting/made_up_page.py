@@ -8,9 +8,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from pipeline.artifacts import read_pairs
-from pipeline.reporting.background import Training, read_pair_facts, read_trainings
+from pipeline.reporting.background import Training, read_pair_files, read_trainings
 from pipeline.reporting.findings import Finding
-from pipeline.reporting.overlays import read_overlays, read_walked_pairs
+from pipeline.reporting.overlays import make_overlays, pick_walked_pairs
 from pipeline.reporting.page import Contents
 from pipeline.reporting.paper import METHODS, UNSEEN_OBJECTS, Number, printed
 from pipeline.reporting.provenance import Provenance
@@ -22,6 +22,7 @@ from tests.pipeline.reporting.made_up_benchmarks import make_benchmarks
 from tests.pipeline.reporting.made_up_results import (
     ROTATION_ERROR_DEG,
     SCENARIOS,
+    result_file,
     score_rows,
     write_everything,
     write_rows,
@@ -47,7 +48,7 @@ FINDINGS = (
 PROVENANCE = Provenance(
     revision="0123456789abcdef0123456789abcdef01234567",
     changed=("params.yaml",),
-    digests={"data/pairs/kitti.h5": "d" * 32, "results/kitti/icp.csv": "e" * 32},
+    digests={"data/pairs/kitti.h5": "d" * 32, "results/classical/kitti": "e" * 32},
     python="3.11.9",
     packages={"numpy": "2.0.0", "torch": "2.4.0"},
 )
@@ -59,24 +60,25 @@ def make_contents(
     """Write made-up inputs under ``folder`` and read them as the report does, and more."""
     write_everything(folder, scenarios, pairs)
     for scenario in scenarios:
-        _write_other_methods(folder / "results" / scenario, folder / "pairs", scenario)
+        _write_other_methods(folder / "results", folder / "pairs", scenario)
     scores = read_results(folder / "results")
     trainings = read_trainings(folder / "models")
-    facts = {name: read_pair_facts(folder / "pairs", name) for name in scenarios}
+    files = read_pair_files(folder / "pairs", scenarios)
+    facts = {name: file.facts for name, file in files.items()}
     rows = make_rows(scores, seed=0)
     others = [row for row in rows if row.table != "7"]  # whose rows come with the studies'
     walks = {name: _walks(folder / "pairs", name) for name in scenarios if name != "3dmatch"}
     return Contents(
         rows=[*others, *study_rows()] if UNSEEN_OBJECTS in scenarios else rows,
         tables=make_tables(rows, trainings, facts),
-        overlays=read_overlays(scores, folder / "pairs"),
+        overlays=make_overlays(scores, files),
         trainings=[*trainings, *_ablation_trainings()],
         facts=facts,
         profile="quick",
         banner=banner("quick", facts.values()),
         findings=FINDINGS,
         walks=walks,
-        walked=read_walked_pairs(walks, folder / "pairs"),
+        walked=pick_walked_pairs(walks, files),
         scores=scores,
         provenance=PROVENANCE,
         benchmarks=make_benchmarks(),
@@ -89,7 +91,7 @@ def _write_other_methods(results: Path, pairs: Path, scenario: str) -> None:
     for number, method in enumerate(METHODS):
         if method not in ROTATION_ERROR_DEG:
             rows = score_rows(poses, 0.5 * 1.3**number, "paper", generator)
-            write_rows(results / f"{method}.csv", rows)
+            write_rows(result_file(results, scenario, method), rows)
 
 
 def _ablation_trainings() -> list[Training]:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from pcrdiff.registration import SPLITS, Pairs
 from pipeline import artifacts
 from pipeline.artifacts import POSE
-from pipeline.reporting.paper import UNSEEN_OBJECTS, VALUES
+from pipeline.reporting.paper import UNSEEN_OBJECTS, VALUES, shown
 from pipeline.reporting.result_files import COLUMNS, EULER, SHIFT
 from pipeline.walks import Walk
 from pipeline.walks import write_walks as write_the_walks
@@ -102,9 +102,9 @@ def write_everything(
         write_pairs(folder / "pairs", scenario, poses, generator)
         for method, deviation in methods.items():
             rows = score_rows(poses, deviation, "paper", generator)
-            write_rows(results / scenario / f"{method}.csv", rows)
+            write_rows(result_file(results, scenario, method), rows)
         for method in LEARNED:
-            write_training(models / scenario / method, generator)
+            write_training(models / method / scenario, generator, scenario=scenario, method=method)
             write_walks(results / "walks" / scenario / f"{method}.csv", method, poses, generator)
     if UNSEEN_OBJECTS in scenarios:
         for name, answers in ABLATED.items():
@@ -112,6 +112,12 @@ def write_everything(
         write_ablated_trainings(models / "ablations")
         for method in methods:
             write_times(results / "times" / f"{method}.csv", method, min(pairs, 5))
+
+
+def result_file(results: Path, scenario: str, method: str) -> Path:
+    """Give the file that a method's answers on a scenario are in."""
+    family = method if shown(method).kind == "learned" else "classical"
+    return results / family / scenario / f"{method}.csv"
 
 
 def write_ablation(file: Path, answers: Mapping[str, Mapping[str, float]], pairs: int) -> None:
@@ -133,9 +139,10 @@ def write_ablated_trainings(folder: Path) -> None:
     for name in TRAINED:
         for method, settings in ABLATED[name].items():
             for setting in settings:
-                values = "-".join(part.partition("=")[2] for part in setting.split(","))
+                value, *scaling = (part.partition("=")[2] for part in setting.split(","))
+                place = folder / name / value / "-".join([method, *scaling])
                 told = {"scenario": UNSEEN_OBJECTS, "method": method, "setting": setting}
-                write_training(folder / name / f"{method}-{values}", generator, epochs=6, **told)
+                write_training(place, generator, epochs=6, **told)
 
 
 def write_times(file: Path, method: str, pairs: int) -> None:
@@ -238,20 +245,20 @@ def write_rows(file: Path, rows: list[dict[str, object]]) -> Path:
 
 
 def write_training(
-    path: Path, generator: np.random.Generator, epochs: int = 30, **told: str
+    folder: Path, generator: np.random.Generator, epochs: int = 30, **told: str
 ) -> None:
-    """Write a training curve that falls, ``<path>.csv``, and its budget, ``<path>.json``."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Write a training curve that falls, ``curve.csv``, and ``facts.json``."""
+    folder.mkdir(parents=True)
     head = ["epoch", "step", "learning_rate", "loss", "val_error_r_deg", "val_error_t"]
     rows: list[list[object]] = []
     for epoch in range(1, epochs + 1):
         loss = 2 / epoch * generator.uniform(0.8, 1.2)
         errors = (20 * loss, loss / 3) if epoch % 2 == 0 else ("", "")
         rows.append([epoch, 38 * epoch, 1e-3, loss, *errors])
-    artifacts.write_csv(path.with_name(f"{path.name}.csv"), [head, *rows])
+    artifacts.write_csv(folder / "curve.csv", [head, *rows])
     budget = {"epochs": epochs, "steps": 38 * epochs, "batch_size": 32, "train_pairs": 1216}
     budget |= {"parameters": 4231111, "best_epoch": epochs - 2}
-    path.with_name(f"{path.name}.json").write_text(json.dumps(budget | told))
+    (folder / "facts.json").write_text(json.dumps(budget | told))
 
 
 def write_pairs(
@@ -305,9 +312,7 @@ def make_report_inputs(folder: Path) -> list[str]:
         "models": folder / "models",
         "pairs": folder / "pairs",
         "benchmarks": folder / "benchmarks",
-        "table": reports / "results.csv",
-        "markdown": reports / "results.md",
-        "latex": reports / "results.tex",
+        "tables": reports / "tables",
         "page": reports / "index.html",
         "figures": reports / "figures",
         "summary": reports / "summary.json",

@@ -6,7 +6,12 @@ import pytest
 
 from pipeline.reporting.contrasts import Contrast, make_contrasts
 from pipeline.reporting.result_files import read_results, read_times
-from tests.pipeline.reporting.made_up_results import plain_row, write_everything, write_rows
+from tests.pipeline.reporting.made_up_results import (
+    plain_row,
+    result_file,
+    write_everything,
+    write_rows,
+)
 
 UNSEEN = "modelnet40-unseen_objects"
 
@@ -75,6 +80,6 @@ def test_only_pairs_that_both_answered_are_compared(tmp_path: Path) -> None:
 def test_a_pair_on_which_either_failed_is_counted_once(tmp_path: Path) -> None:
     for method, failed in (("pcrdiffusion_cb", (0, 1)), ("icp", (1, 2))):
         rows = [plain_row(p) | {"failure": "none" if p in failed else ""} for p in range(4)]
-        write_rows(tmp_path / "kitti" / f"{method}.csv", rows)
+        write_rows(result_file(tmp_path, "kitti", method), rows)
     (one,) = make_contrasts(read_results(tmp_path), [])
     assert one.failures == 3

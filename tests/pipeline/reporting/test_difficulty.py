@@ -8,7 +8,8 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from pcrdiff.registration import Pairs
-from pipeline.reporting.difficulty import Difficulty, overlap, read_difficulties, rotation_deg
+from pipeline.reporting.background import read_pair_files
+from pipeline.reporting.difficulty import Difficulty, measure_difficulties, overlap, rotation_deg
 from tests.pipeline.reporting.made_up_results import write_everything
 
 UNSEEN = "modelnet40-unseen_objects"
@@ -71,12 +72,13 @@ def test_full_overlap_and_edges_of_tenths_fall_where_they_belong() -> None:
 
 def test_measures_angles_of_unseen_objects_and_overlap_of_partial_clouds(tmp_path: Path) -> None:
     write_everything(tmp_path, (UNSEEN, "modelnet40-partial", "kitti"), 3)
-    found = read_difficulties(tmp_path / "pairs", [UNSEEN, "modelnet40-partial", "kitti"])
+    files = read_pair_files(tmp_path / "pairs", [UNSEEN, "modelnet40-partial", "kitti"])
+    found = measure_difficulties(files)
     assert [(one.scenario, one.name) for one in found] == [
         (UNSEEN, "rotation_deg"),
         ("modelnet40-partial", "overlap"),
     ]
     assert (found[1].values == 1).all()  # made-up clouds are not cropped
-    assert read_difficulties(tmp_path / "pairs", ["kitti"]) == []
+    assert measure_difficulties({"kitti": files["kitti"]}) == []
     with pytest.raises(FileNotFoundError):
-        read_difficulties(tmp_path, [UNSEEN])
+        read_pair_files(tmp_path, [UNSEEN])

@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from pipeline.reporting.background import Training, read_trainings
+from pipeline.reporting.background import Training, read_pair_files, read_trainings
 from pipeline.reporting.figures import (
     CYCLE,
     Figure,
@@ -23,8 +23,8 @@ from pipeline.reporting.overlays import (
     Overlay,
     choose_pairs,
     describe,
-    read_overlays,
-    read_walked_pairs,
+    make_overlays,
+    pick_walked_pairs,
     thin,
 )
 from pipeline.reporting.paper import METHODS
@@ -54,7 +54,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
     folder = tmp_path_factory.mktemp("made_up")
     write_everything(folder, SCENARIOS, 6)
     scores = read_results(folder / "results")
-    overlays = read_overlays(scores, folder / "pairs")
+    overlays = make_overlays(scores, read_pair_files(folder / "pairs", SCENARIOS))
     return make_rows(scores, seed=0), overlays, read_trainings(folder / "models"), scores
 
 
@@ -213,7 +213,7 @@ def test_a_true_pose_lays_the_source_on_the_target(tmp_path: Path) -> None:
     write_everything(tmp_path, ("kitti",), 3)
     scores = read_results(tmp_path / "results")
     exact = [s for s in scores if s.method == "icp_centroid"]
-    overlay = read_overlays(exact, tmp_path / "pairs")[0]
+    overlay = make_overlays(exact, read_pair_files(tmp_path / "pairs", ["kitti"]))[0]
     np.testing.assert_allclose(overlay.registered[0].points, overlay.target, atol=1e-4)
     assert not np.allclose(overlay.source, overlay.target, atol=1e-1)
     assert describe(overlay.registered[0], "m") == (
@@ -245,10 +245,10 @@ def test_poses_of_the_page_move_the_source_where_the_method_put_it(inputs: Input
 
 def test_a_walk_that_ends_at_the_truth_is_off_by_nothing(tmp_path: Path) -> None:
     write_everything(tmp_path, ("kitti",), 3)
-    pairs = tmp_path / "pairs"
-    truth = read_walked_pairs({"kitti": [_walk(np.eye(4))]}, pairs)["kitti"][1].T_target_source
+    pairs = read_pair_files(tmp_path / "pairs", ["kitti"])
+    truth = pick_walked_pairs({"kitti": [_walk(np.eye(4))]}, pairs)["kitti"][1].T_target_source
     walks = {"kitti": [_walk(truth)]}
-    scenes = scene_data([], walks, read_walked_pairs(walks, pairs))
+    scenes = scene_data([], walks, pick_walked_pairs(walks, pairs))
     (walk,) = scenes["walks"]["kitti"]
     assert walk["predicted"][-1]["off"] == [0, 0]
     assert walk["noisy"][0]["off"][1] == pytest.approx(np.linalg.norm(truth[:3, 3]), rel=1e-2)
@@ -266,8 +266,9 @@ def test_the_error_of_a_pose_is_in_degrees_and_the_clouds_unit() -> None:
 
 def test_a_walked_pair_must_be_there(tmp_path: Path) -> None:
     write_everything(tmp_path, ("kitti",), 1)
+    pairs = read_pair_files(tmp_path / "pairs", ["kitti"])
     with pytest.raises(ValueError, match="kitti needs a test pair 1, it has 1"):
-        read_walked_pairs({"kitti": [_walk(np.eye(4))]}, tmp_path / "pairs")
+        pick_walked_pairs({"kitti": [_walk(np.eye(4))]}, pairs)
 
 
 def test_thinning_keeps_few_points_from_first_to_last() -> None:

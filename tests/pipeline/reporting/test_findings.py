@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.reporting.difficulty import read_difficulties
+from pipeline.reporting.background import read_pair_files
+from pipeline.reporting.difficulty import measure_difficulties
 from pipeline.reporting.findings import Finding, make_findings
 from pipeline.reporting.paper import UNSEEN_OBJECTS
 from pipeline.reporting.result_files import read_results, read_times
@@ -17,6 +18,7 @@ from tests.pipeline.reporting.made_up_results import (
     EVERY_METHOD,
     SCENARIOS,
     plain_row,
+    result_file,
     write_everything,
     write_rows,
 )
@@ -94,7 +96,8 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> list[Row]:
     folder = tmp_path_factory.mktemp("made_up")
     write_everything(folder, SCENARIOS, 30, EVERY_METHOD)
     scores, times = read_results(folder / "results"), read_times(folder / "results")
-    return make_rows(scores, times, read_difficulties(folder / "pairs", SCENARIOS), seed=0)
+    difficulties = measure_difficulties(read_pair_files(folder / "pairs", SCENARIOS))
+    return make_rows(scores, times, difficulties, seed=0)
 
 
 @pytest.fixture(scope="module")
@@ -154,14 +157,14 @@ def test_made_up_errors_are_judged_as_they_were_made(
 
 
 def test_nothing_is_claimed_of_what_was_not_run(tmp_path: Path) -> None:
-    write_rows(tmp_path / "kitti" / "identity.csv", [plain_row(0, off_deg=1.0)])
+    write_rows(result_file(tmp_path, "kitti", "identity"), [plain_row(0, off_deg=1.0)])
     found = make_findings(make_rows(read_results(tmp_path), seed=0))
     assert {finding.verdict for finding in found} == {"not run"}
 
 
 def test_one_rival_ahead_refutes_an_order_though_others_are_missing(tmp_path: Path) -> None:
-    write_rows(tmp_path / "kitti" / f"{CB}.csv", [plain_row(0, off_deg=1.0)])
-    write_rows(tmp_path / "kitti" / "fgr.csv", [plain_row(0, off_deg=0.5)])
+    write_rows(result_file(tmp_path, "kitti", CB), [plain_row(0, off_deg=1.0)])
+    write_rows(result_file(tmp_path, "kitti", "fgr"), [plain_row(0, off_deg=0.5)])
     finding = find(
         make_findings(make_rows(read_results(tmp_path), seed=0)), "Order of methods: KITTI"
     )

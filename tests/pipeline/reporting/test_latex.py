@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.reporting.background import read_pair_facts, read_trainings
+from pipeline.reporting.background import read_pair_files, read_trainings
 from pipeline.reporting.latex import escape, render_latex
 from pipeline.reporting.result_files import read_results, read_times
 from pipeline.reporting.tables import make_rows
@@ -22,7 +22,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Table], str]:
     write_everything(folder, SCENARIOS, 6)
     results = folder / "results"
     rows = make_rows(read_results(results), read_times(results), seed=0)
-    facts = {name: read_pair_facts(folder / "pairs", name) for name in SCENARIOS}
+    files = read_pair_files(folder / "pairs", SCENARIOS)
+    facts = {name: file.facts for name, file in files.items()}
     tables = make_tables(rows, read_trainings(folder / "models"), facts)
     return tables, render_latex(tables, facts, "quick profile: 100 % made up")
 

@@ -13,7 +13,12 @@ from pipeline.reporting.page import Contents, flatten, render_page
 from pipeline.reporting.provenance import read_provenance
 from pipeline.reporting.report import make_report
 from tests.pipeline.reporting.made_up_page import make_contents
-from tests.pipeline.reporting.made_up_results import plain_row, write_everything, write_rows
+from tests.pipeline.reporting.made_up_results import (
+    plain_row,
+    result_file,
+    write_everything,
+    write_rows,
+)
 
 
 class Elements(HTMLParser):
@@ -127,12 +132,11 @@ def test_provenance_is_listed_leaf_by_leaf_without_paths() -> None:
 
 def test_text_from_files_cannot_become_markup(tmp_path: Path) -> None:
     write_everything(tmp_path, ("kitti",), 3)
-    for file in (tmp_path / "results").glob("*/*.csv"):
+    for file in (tmp_path / "results").glob("*/kitti/*.csv"):
         text = re.sub("airplane|bottle|chair", "<b>group</b>", file.read_text())
         file.write_text(text)
-    for file in (tmp_path / "models").glob("*/*cb.json"):
-        file.rename(file.with_name("<i>method<.json"))
-        file.with_suffix(".csv").rename(file.with_name("<i>method<.csv"))
+    for file in (tmp_path / "models").glob("pcrdiffusion_cb/*/facts.json"):
+        file.write_text(file.read_text().replace('"pcrdiffusion_cb"', '"<i>method<"'))
     page = render(tmp_path, "quick")
     assert "<b>group</b>" not in page
     assert "&lt;b&gt;group&lt;/b&gt;" in page
@@ -153,7 +157,7 @@ def test_a_glance_keeps_the_order_of_the_rows_also_for_methods_without_a_paper_s
 ) -> None:
     write_everything(tmp_path, ("kitti",), 3)
     rows = [plain_row(pair, off_deg=1.0) | {"setting": "official"} for pair in range(3)]
-    write_rows(tmp_path / "results" / "kitti" / "gicp.csv", rows)
+    write_rows(result_file(tmp_path / "results", "kitti", "gicp"), rows)
     text = render(tmp_path, "quick")
     glance = text[text.index('<section id="glance">') : text.index('<section id="errors">')]
     places = [glance.index(name) for name in (">ICP<", ">Generalized ICP<", ">PCRDiffusion CB<")]
@@ -166,6 +170,21 @@ def test_each_claim_stands_beside_our_numbers_with_its_verdict(full: str) -> Non
     assert "Without diffusion CF falls from 3.2786 to 168.0197 deg." in section
     assert "Ours falls from 4.02 deg [3.51, 4.55]" in section
     assert '<span aria-hidden="true">✗</span>not confirmed' in section
+
+
+@pytest.mark.parametrize("profile", ["quick", "tables", "real", "paper"])
+def test_claims_are_weighed_on_real_data_and_at_the_papers_size_only(
+    folder: Path, profile: str
+) -> None:
+    parts = (folder / name for name in ("results", "models", "pairs", "benchmarks"))
+    made = make_report(*parts, profile=profile)
+    page, markdown = made.page.split("<body>")[1], made.tables["results.md"]
+    weighed = profile in ("real", "paper")
+    elsewhere = "claims are weighed in the report on real data, {}reports/real/results.md{};"
+    assert (elsewhere.format("", "") in page) != weighed
+    assert (elsewhere.format("`", "`") in markdown) != weighed
+    assert ('id="findings"' in page) == ('class="text verdict' in page) == weighed
+    assert ("What we found" in page) == ("## What we found" in markdown) == weighed
 
 
 def test_clouds_are_in_the_page_once_and_poses_are_twelve_numbers(full: str) -> None:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.reporting.background import Training, read_trainings
+from pipeline.reporting.background import Training, read_pair_files, read_trainings
 from pipeline.reporting.charts import draw_accuracy_time, draw_difficulty
-from pipeline.reporting.difficulty import read_difficulties
-from pipeline.reporting.overlays import Overlay, read_overlays
+from pipeline.reporting.difficulty import measure_difficulties
+from pipeline.reporting.overlays import Overlay, make_overlays
 from pipeline.reporting.panels import project
 from pipeline.reporting.pictures import draw_all
 from pipeline.reporting.result_files import Scores, read_results, read_times
@@ -40,10 +40,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def inputs(folder: Path) -> Inputs:
     scores, times = read_results(folder / "results"), read_times(folder / "results")
-    pairs = folder / "pairs"
-    rows = make_rows(scores, times, read_difficulties(pairs, SCENARIOS), seed=0)
+    files = read_pair_files(folder / "pairs", SCENARIOS)
+    rows = make_rows(scores, times, measure_difficulties(files), seed=0)
     trainings = read_trainings(folder / "models")
-    return Inputs(rows, read_overlays(scores, pairs), trainings, scores)
+    return Inputs(rows, make_overlays(scores, files), trainings, scores)
 
 
 def test_pictures_are_there_small_as_wide_as_a_screen_and_the_same_twice(inputs: Inputs) -> None:
@@ -55,7 +55,6 @@ def test_pictures_are_there_small_as_wide_as_a_screen_and_the_same_twice(inputs:
         "difficulty.png",
         "distributions.png",
         "errors.png",
-        "overlays.png",
         "panels_kitti.png",
         "panels_modelnet40.png",
         "steps.png",
@@ -70,7 +69,7 @@ def test_what_there_is_nothing_of_is_not_drawn(inputs: Inputs) -> None:
     rows = [row for row in inputs.rows if row.table == "2" and row.kind == "line"]
     only = [one for one in inputs.trainings if one.setting is not None]
     pictures = draw_all(rows, inputs.overlays[1:], only)
-    assert sorted(pictures) == ["errors.png", "overlays.png", "panels_kitti.png"]
+    assert sorted(pictures) == ["errors.png", "panels_kitti.png"]
 
 
 def test_a_projection_keeps_lengths_and_puts_up_above() -> None:

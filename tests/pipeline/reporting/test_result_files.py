@@ -4,18 +4,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from pipeline.artifacts import ANSWER, read_pairs
-from pipeline.reporting.background import read_pair_facts, read_test_pair, read_trainings
+from pipeline.reporting.background import read_pair_files, read_trainings
 from pipeline.reporting.result_files import COLUMNS, headlines, read_results, read_times
 from tests.pipeline.reporting.made_up_results import (
     ROTATION_ERROR_DEG,
     plain_row,
+    result_file,
     write_everything,
     write_rows,
 )
 
-FILE = "modelnet40-unseen_objects/icp.csv"
+FILE = "classical/modelnet40-unseen_objects/icp.csv"
 
 
 @pytest.fixture
@@ -54,13 +56,13 @@ def test_refuses_a_file_cut_anywhere_in_a_line(file: Path, kept: float) -> None:
     content = file.read_bytes()
     file.write_bytes(content[: int(kept * len(content))])
     with pytest.raises(ValueError, match=r"icp\.csv needs"):
-        read_results(file.parents[1])
+        read_results(file.parents[2])
 
 
 def test_refuses_a_file_cut_between_lines_when_a_neighbour_has_more(file: Path) -> None:
     write_rows(file.with_name("fgr.csv"), [plain_row(pair) for pair in range(2)])
     with pytest.raises(ValueError, match=r"fgr\.csv needs all 3 pairs .* has 2"):
-        read_results(file.parents[1])
+        read_results(file.parents[2])
 
 
 def test_refuses_a_pair_twice(tmp_path: Path) -> None:
@@ -107,12 +109,24 @@ def test_reads_an_ablations_trainings_under_the_names_they_give(tmp_path: Path) 
     assert len(euler.curve["loss"]) == 6
 
 
+def test_reads_trainings_at_any_depth_and_believes_the_names_in_them(tmp_path: Path) -> None:
+    folder = tmp_path / "deep" / "baselines" / "pcrnet" / "kitti"
+    folder.mkdir(parents=True)
+    (folder / "facts.json").write_text('{"scenario": "kitti", "method": "pcrnet", "epochs": 3}')
+    (one,) = read_trainings(tmp_path)
+    assert (one.scenario, one.method, one.setting, one.curve) == ("kitti", "pcrnet", None, {})
+    assert one.budget["epochs"] == 3
+    (folder / "facts.json").write_text('{"scenario": "kitti", "epochs": 3}')
+    with pytest.raises(ValueError, match=r"facts\.json needs the names of scenario, method, has"):
+        read_trainings(tmp_path)
+
+
 def test_refuses_an_ablations_training_without_its_setting(tmp_path: Path) -> None:
-    file = tmp_path / "ablations" / "fusion" / "pcrdiffusion_cf-concat.json"
+    file = tmp_path / "ablations" / "fusion" / "concat" / "pcrdiffusion_cf" / "facts.json"
     file.parent.mkdir(parents=True)
     file.write_text('{"scenario": "kitti", "method": "pcrdiffusion_cf"}')
     with pytest.raises(
-        ValueError, match=r"cf-concat\.json needs the names of scenario, method and"
+        ValueError, match=r"cf/facts\.json needs the names of scenario, method, setting, has"
     ):
         read_trainings(tmp_path)
 
@@ -156,7 +170,7 @@ def test_refuses_times_that_cannot_be(
 def test_headlines_are_of_the_papers_setting_where_there_is_one(tmp_path: Path) -> None:
     both = [plain_row(0), plain_row(0, off_deg=1.0) | {"setting": "official"}]
     write_rows(tmp_path / FILE, both)
-    write_rows(tmp_path / "kitti" / "gicp.csv", both[1:])
+    write_rows(result_file(tmp_path, "kitti", "gicp"), both[1:])
     write_rows(tmp_path / "ablations" / "steps.csv", [{"method": "icp", **both[0]}])
     found = headlines(read_results(tmp_path))
     assert {key: one.setting for key, one in found.items()} == {
@@ -167,37 +181,32 @@ def test_headlines_are_of_the_papers_setting_where_there_is_one(tmp_path: Path) 
 
 def test_refuses_a_budget_that_is_cut_short(tmp_path: Path) -> None:
     write_everything(tmp_path, ("modelnet40-unseen_objects",), 2)
-    file = tmp_path / "models" / "modelnet40-unseen_objects" / "pcrdiffusion_cb.json"
+    folder = tmp_path / "models" / "pcrdiffusion_cb" / "modelnet40-unseen_objects"
+    file = folder / "facts.json"
     file.write_text(file.read_text()[:-5])
-    with pytest.raises(ValueError, match=r"pcrdiffusion_cb\.json needs a whole JSON object"):
+    with pytest.raises(ValueError, match=r"facts\.json needs a whole JSON object"):
         read_trainings(tmp_path / "models")
 
 
 def test_says_which_pair_file_is_missing_or_broken(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"kitti\.h5"):
-        read_pair_facts(tmp_path, "kitti")
+        read_pair_files(tmp_path, ["kitti"])
     (tmp_path / "kitti.h5").write_bytes(b"not HDF5")
     with pytest.raises(ValueError, match=r"kitti\.h5 is not a pair file"):
-        read_pair_facts(tmp_path, "kitti")
+        read_pair_files(tmp_path, ["kitti"])
 
 
-def test_a_pair_file_tells_what_it_is_and_shows_a_pair_of_its_test_split(tmp_path: Path) -> None:
-    write_everything(tmp_path, ("kitti",), 3)
-    facts = read_pair_facts(tmp_path / "pairs", "kitti")
+def test_a_pair_file_tells_what_it_is_and_gives_its_test_split(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("kitti", "3dmatch"), 3)
+    files = read_pair_files(tmp_path / "pairs", ["kitti", "kitti"])
+    assert [*files] == ["kitti"]
+    facts = files["kitti"].facts
     assert (facts.scenario, facts.source, facts.unit) == ("kitti", "synthetic", "m")
     assert (facts.seed, facts.schema, facts.test_pairs) == (7, 1, 3)
     assert facts.provenance["max_rotation_deg"] == 45.0
     test = read_pairs(tmp_path / "pairs" / "kitti.h5", "test")
-    source, target = read_test_pair(tmp_path / "pairs", "kitti", 2)
-    assert source.dtype == target.dtype == np.float64
-    np.testing.assert_array_equal(source, test.source[2].numpy())
-    np.testing.assert_array_equal(target, test.target[2].numpy())
-
-
-def test_refuses_a_pair_the_file_does_not_hold(tmp_path: Path) -> None:
-    write_everything(tmp_path, ("kitti",), 2)
-    with pytest.raises(ValueError, match="needs a test pair 2, it has 2"):
-        read_test_pair(tmp_path / "pairs", "kitti", 2)
+    torch.testing.assert_close(files["kitti"].test.source, test.source, rtol=0, atol=0)
+    torch.testing.assert_close(files["kitti"].test.target, test.target, rtol=0, atol=0)
 
 
 def test_the_columns_are_those_the_evaluate_stage_writes() -> None:

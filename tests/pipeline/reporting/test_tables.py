@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.reporting.background import PairFacts, Training, read_trainings
-from pipeline.reporting.difficulty import read_difficulties
+from pipeline.reporting.background import PairFacts, Training, read_pair_files, read_trainings
+from pipeline.reporting.difficulty import measure_difficulties
 from pipeline.reporting.findings import Finding
 from pipeline.reporting.markdown import render_markdown
 from pipeline.reporting.paper import FLOORS, MAE_AND_ERROR
@@ -33,7 +33,12 @@ from pipeline.reporting.views import (
     show,
     spread,
 )
-from tests.pipeline.reporting.made_up_results import plain_row, write_everything, write_rows
+from tests.pipeline.reporting.made_up_results import (
+    plain_row,
+    result_file,
+    write_everything,
+    write_rows,
+)
 
 UNSEEN = "modelnet40-unseen_objects"
 
@@ -55,7 +60,7 @@ def test_metrics_are_those_worked_by_hand(tmp_path: Path) -> None:
     # Two pairs: angles off by (0, 0, 0) and (3, 0, -6) degrees; shifts (0, 0, 0), (0.3, 0, 0.6).
     off = plain_row(1) | {"rx_deg": "3.0", "rz_deg": "-6.0", "tx": "0.3", "tz": "0.6"}
     off |= {"error_r_deg": "7.0", "error_t": "0.67"}
-    write_rows(tmp_path / UNSEEN / "icp.csv", [plain_row(0), off])
+    write_rows(result_file(tmp_path, UNSEEN, "icp"), [plain_row(0), off])
     rows = {r.metric: r.value for r in rows_of(tmp_path) if r.subset == "all"}
     assert rows == pytest.approx(
         {
@@ -75,7 +80,7 @@ def test_metrics_are_those_worked_by_hand(tmp_path: Path) -> None:
 def test_optional_columns_become_recall_and_seconds(tmp_path: Path) -> None:
     extra = [{"recall": "1", "seconds": "0.5"}, {"recall": "0", "seconds": "1.5"}]
     rows = [plain_row(pair) | more for pair, more in enumerate(extra)]
-    write_rows(tmp_path / "3dmatch-pairs" / "icp.csv", rows)
+    write_rows(result_file(tmp_path, "3dmatch-pairs", "icp"), rows)
     found = rows_of(tmp_path)
     assert pick(found, metric="recall_percent").value == 50
     assert pick(found, metric="seconds").value == 1
@@ -84,8 +89,8 @@ def test_optional_columns_become_recall_and_seconds(tmp_path: Path) -> None:
 
 def test_shapes_of_revolution_are_left_out_of_the_asymmetric_rows(tmp_path: Path) -> None:
     rows = [plain_row(0, off_deg=30.0, group="vase"), plain_row(1, off_deg=1.0)]
-    write_rows(tmp_path / UNSEEN / "icp.csv", rows)
-    write_rows(tmp_path / "kitti" / "icp.csv", rows)
+    write_rows(result_file(tmp_path, UNSEEN, "icp"), rows)
+    write_rows(result_file(tmp_path, "kitti", "icp"), rows)
     found = rows_of(tmp_path)
     asymmetric = pick(found, subset="asymmetric", metric="mae_r_deg")
     assert (asymmetric.value, asymmetric.pairs, asymmetric.paper) == (1.0, 1, None)
@@ -95,7 +100,7 @@ def test_shapes_of_revolution_are_left_out_of_the_asymmetric_rows(tmp_path: Path
 
 def test_failures_are_counted_and_stay_in_the_mean(tmp_path: Path) -> None:
     rows = [plain_row(0), plain_row(1, off_deg=20.0) | {"failure": "no matches"}]
-    write_rows(tmp_path / "kitti" / "fgr.csv", rows)
+    write_rows(result_file(tmp_path, "kitti", "fgr"), rows)
     row = pick(rows_of(tmp_path), metric="error_r_deg")
     assert (row.failures, row.value, row.paper) == (1, 20.0, 3.2)
 
@@ -112,7 +117,7 @@ def test_the_interval_of_a_mean_is_as_wide_as_theory_says(tmp_path: Path) -> Non
     generator = np.random.default_rng(3)
     values = generator.normal(10, 2, 400)
     resamples = generator.integers(400, size=(2000, 400))
-    write_rows(tmp_path / "kitti" / "icp.csv", [plain_row(0)])
+    write_rows(result_file(tmp_path, "kitti", "icp"), [plain_row(0)])
     mean = measure(read_results(tmp_path)[0])["error_r_deg"][1]
     low, high = bootstrap_interval(values, mean, resamples)
     assert high - low == pytest.approx(2 * 1.96 * values.std() / 20, rel=0.1)
@@ -137,7 +142,8 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Row], lis
     folder = tmp_path_factory.mktemp("made_up")
     write_everything(folder, (UNSEEN,), 12)
     scores, times = read_results(folder / "results"), read_times(folder / "results")
-    rows = make_rows(scores, times, read_difficulties(folder / "pairs", [UNSEEN]), seed=0)
+    difficulties = measure_difficulties(read_pair_files(folder / "pairs", [UNSEEN]))
+    rows = make_rows(scores, times, difficulties, seed=0)
     return rows, make_tables(rows, read_trainings(folder / "models"), {UNSEEN: facts()})
 
 
@@ -267,7 +273,7 @@ def test_table_6_repeats_the_accuracy_of_what_was_timed(
 def test_a_contrast_is_the_mean_of_paired_differences(tmp_path: Path) -> None:
     for method, errors in (("pcrdiffusion_cb", (1.0, 2.0, 3.0)), ("fgr", (2.0, 3.0, 4.0))):
         rows = [plain_row(pair, off_deg=error) for pair, error in enumerate(errors)]
-        write_rows(tmp_path / "kitti" / f"{method}.csv", rows)
+        write_rows(result_file(tmp_path, "kitti", method), rows)
     found = rows_of(tmp_path)
     row = pick(found, setting="paper minus fgr:paper", metric="error_r_deg")
     assert (row.value, row.low, row.high) == (-2.0, -2.0, -2.0)  # the pairs differ, not the methods
@@ -278,8 +284,8 @@ def test_a_contrast_is_the_mean_of_paired_differences(tmp_path: Path) -> None:
 
 
 def test_no_improvement_is_told_over_a_method_that_errs_nowhere(tmp_path: Path) -> None:
-    write_rows(tmp_path / "kitti" / "pcrdiffusion_cb.csv", [plain_row(0, off_deg=1.0)])
-    write_rows(tmp_path / "kitti" / "fgr.csv", [plain_row(0)])
+    write_rows(result_file(tmp_path, "kitti", "pcrdiffusion_cb"), [plain_row(0, off_deg=1.0)])
+    write_rows(result_file(tmp_path, "kitti", "fgr"), [plain_row(0)])
     assert "improvement_percent" not in {row.metric for row in rows_of(tmp_path)}
 
 
@@ -298,7 +304,7 @@ def write_floors(folder: Path, learned: dict[str, object]) -> None:
         "icp_centroid": plain_row(0, off_deg=1.0, shift=0.1),
     }
     for method, row in (floors | {"pcrnet": learned}).items():
-        write_rows(folder / UNSEEN / f"{method}.csv", [row])
+        write_rows(result_file(folder, UNSEEN, method), [row])
 
 
 @pytest.mark.parametrize(
@@ -348,8 +354,8 @@ def test_only_the_paper_profile_on_real_data_goes_without_a_banner() -> None:
 
 def test_headlines_prefer_the_papers_setting(tmp_path: Path) -> None:
     rows = [plain_row(0), plain_row(0, off_deg=1.0) | {"setting": "official"}]
-    write_rows(tmp_path / UNSEEN / "rpmnet.csv", rows)
-    write_rows(tmp_path / "kitti" / "rpmnet.csv", rows[1:])
+    write_rows(result_file(tmp_path, UNSEEN, "rpmnet"), rows)
+    write_rows(result_file(tmp_path, "kitti", "rpmnet"), rows[1:])
     chosen = main_rows(rows_of(tmp_path), "error_r_deg")
     assert chosen[UNSEEN, "rpmnet"].setting == "paper"
     assert chosen["kitti", "rpmnet"].setting == "official"
@@ -368,7 +374,7 @@ def test_a_note_claims_of_a_learned_row_the_authors_updates_and_no_more(tmp_path
     write_floors(tmp_path, plain_row(0, off_deg=0.5, shift=0.05))
     for method in ("icp", "rpmnet"):
         row = plain_row(0, off_deg=0.5, shift=0.05) | {"setting": "official"}
-        write_rows(tmp_path / UNSEEN / f"{method}.csv", [row])
+        write_rows(result_file(tmp_path, UNSEEN, method), [row])
     table = make_tables(rows_of(tmp_path), [], {UNSEEN: facts()})[0]
     notes = {line.method: table.notes[line.note - 1] for line in table.lines}
     assert notes["icp"].startswith("Setting: the authors' own settings.")
