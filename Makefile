@@ -22,7 +22,7 @@ setup: .venv/ready
 repro: setup  ## the main job: raw clouds to report, on embedded data
 	$(BIN)/pcrdiff repro
 	@echo
-	@echo "report:    $(CURDIR)/reports/index.html   (tables: reports/results.md)"
+	@echo "report:    $(CURDIR)/reports/index.html   (tables: reports/tables/results.md)"
 	@echo "MLflow UI: make ui   (then http://127.0.0.1:5000)"
 
 browser: setup  # for the tests that look at pages; without one they are skipped, and say why

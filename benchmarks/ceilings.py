@@ -9,7 +9,7 @@ from torch import nn
 from benchmarks.effort import Effort
 from benchmarks.measuring import Summary, alternate, summarise
 from pcrdiff.geometry.precision import multiplies_in_bfloat16
-from pcrdiff.losses import chamfer_loss
+from pcrdiff.models.losses import chamfer_loss
 from pcrdiff.models.matching import sinkhorn
 from pcrdiff.models.pointnet import PointNet
 from pcrdiff.models.structure import DESCRIPTOR_DIM, StructureEmbedding

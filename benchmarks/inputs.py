@@ -5,13 +5,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from pcrdiff.registration import Pairs
-from pipeline.artifacts import read_pairs, write_pairs
-from pipeline.params import PairCounts, Params, read_params
+from pipeline.artifacts import WEIGHTS, read_pairs, write_pairs
+from pipeline.params import PairCounts, Params
 from pipeline.preprocessing import preprocess
+from pipeline.profiles import read_profile
 
 SCENARIO = "modelnet40-gaussian_noise"
-PAPER = Path("profiles/paper.yaml")
-"""Where the paper's networks stand, which the training steps are measured with."""
+PROJECT = Path()
+"""Where the profile lies whose networks the training steps are measured with."""
 
 
 def make_pairs(params: Params, points: int, count: int) -> dict[str, Pairs]:
@@ -34,19 +35,23 @@ def make_pairs(params: Params, points: int, count: int) -> dict[str, Pairs]:
 
 def read_paper_params() -> Params:
     """The profile with the paper's networks."""
-    return read_params(PAPER)
+    return read_profile(PROJECT, "paper")
 
 
 def trained_methods(params: Params) -> list[str]:
     """The methods that are trained on the scenario."""
-    return [one.method for one in params.trainings.values() if one.scenario == SCENARIO]
+    return [method for method, epochs in params.trainings.items() if SCENARIO in epochs]
 
 
 def needed_stages(params: Params) -> Sequence[str]:
     """The stages that make the weights measured, and by way of them the raw data set."""
-    return [f"train@{SCENARIO}-{method}" for method in trained_methods(params)]
+    learned = trained_methods(params)
+    diffused = [f"train@{SCENARIO}-{name}" for name in learned if name in params.run.diffused]
+    return diffused + [
+        f"train_baselines@{name}" for name in learned if name in params.run.baselines
+    ]
 
 
 def weights_of(method: str) -> Path:
     """Where a method's weights lie."""
-    return Path("models") / SCENARIO / f"{method}.safetensors"
+    return Path("models") / method / SCENARIO / WEIGHTS

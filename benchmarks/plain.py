@@ -16,11 +16,11 @@ from torch.nn.functional import normalize, pad
 from pcrdiff.diffusion.process import corrupt
 from pcrdiff.geometry.procrustes import fit_rigid
 from pcrdiff.geometry.rigid import transform
-from pcrdiff.losses import diffusion_loss, matching_losses, pose_loss
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.models.attention import CrossCloudAttention
 from pcrdiff.models.fusion import fuse
+from pcrdiff.models.losses import diffusion_loss, matching_losses, pose_loss
 from pcrdiff.registration import Pairs
 
 Losses = Mapping[str, Float[Tensor, ""]]

@@ -14,8 +14,8 @@ import torch
 from torch import Tensor
 
 from pcrdiff.evaluation import evaluate
+from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.geometry.precision import SearchPrecision, set_search_precision
-from pcrdiff.metrics import error_r_deg
 from pcrdiff.registration import Pairs
 from pcrdiff.training import Budget, FreshPoses, Trainer, train
 from pipeline.artifacts import read_pairs, write_csv
@@ -51,7 +51,7 @@ def trained_error(params: Params, splits: Mapping[str, Pairs], seed: int) -> tup
     torch.manual_seed(seed)
     network = build_untrained(METHOD, params.methods, params.diffusion)
     told = params.train.pcrdiffusion_cf.model_dump()
-    budget = Budget(params.training(SCENARIO, METHOD).epochs, **told)
+    budget = Budget(params.epochs(SCENARIO, METHOD), **told)
     made = params.scenarios[SCENARIO]
     fresh = FreshPoses(made.max_rotation, made.max_translation)
     trainer = Trainer(network, splits["train"], splits["val"], budget, fresh, seed=seed)

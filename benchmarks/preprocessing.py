@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.measuring import Comparison, alternate
+from pcrdiff.bindings.native import open3d
 from pcrdiff.data.modelnet40 import read_items
-from pcrdiff.data.native import open3d
 from pcrdiff.data.raw import RawItem
 from pcrdiff.data.scenarios import Corruption, make_pairs
 from pcrdiff.data.synthetic.modelnet40 import write_modelnet40

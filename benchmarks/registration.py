@@ -11,7 +11,7 @@ from torch import Tensor
 from benchmarks.effort import Effort
 from benchmarks.inputs import make_pairs, trained_methods, weights_of
 from benchmarks.measuring import Comparison, summarise, time_of
-from pcrdiff.metrics import error_r_deg, error_t
+from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.benchmark_files import Latency
 from pipeline.building import build_classical, settings_of
@@ -132,7 +132,9 @@ def contend(params: Params, effort: Effort) -> Iterable[Contender]:
     pairs = make_pairs(params, effort.points, effort.pairs)
     test = pairs["test"]
     for name in params.run.classical:
-        for setting, method in build_classical(name, params.methods, pairs["train"]).items():
+        for setting, method in build_classical(
+            name, params.methods, lambda: pairs["train"]
+        ).items():
             yield Contender(method, setting, test)
     for name in trained_methods(params):
         for told in settings_of(name, params.methods):

@@ -16,11 +16,11 @@ from pcrdiff.data.corruption import jitter
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.evaluation import Estimates
 from pcrdiff.registration import Pairs
-from pipeline.artifacts import read_pairs
+from pipeline.artifacts import WEIGHTS, read_pairs
 from pipeline.evaluating import answer, answer_all, load_learned, load_settings
 from pipeline.params import Diffusion, Params, learned_names
 from pipeline.seeding import stream
-from pipeline.variants import TRAINED, setting_of, variants, weights_of
+from pipeline.variants import TRAINED, folder_of, setting_of, variants
 from pipeline.walking import Diffused, load_diffused
 
 Answers = Mapping[str, Mapping[str, Estimates]]
@@ -34,7 +34,11 @@ class Given:
     params: Params
     pairs: Path
     models: Path
-    """The folder with the weights of the methods, or of their variants."""
+    """The folder of all weights."""
+
+    def weights(self, scenario: str, method: str) -> Path:
+        """Where a method's weights for a scenario lie."""
+        return self.models / method / scenario / WEIGHTS
 
     def answer_walks(
         self, name: str, test: Pairs, walks: Mapping[str, tuple[Diffusion, int]]
@@ -43,7 +47,8 @@ class Given:
 
         A pair of clouds is encoded once for all of them.
         """
-        weights, (walk, _) = self.models / f"{name}.safetensors", next(iter(walks.values()))
+        weights = self.weights(self.params.ablation.scenario, name)
+        walk, _ = next(iter(walks.values()))
         method = EncodesOnce(load_diffused(name, self.params.methods, walk, weights))
         drawn = {
             setting: (Walker(name, method, Walk(**walk.model_dump())), draw)
@@ -96,7 +101,7 @@ def ablate_variants(name: str, given: Given) -> tuple[Pairs, Answers]:
     params, test = given.params, read_pairs(given.pairs, "test")
     answers: dict[str, dict[str, Estimates]] = {}
     for method, variant in variants(params.ablation, name):
-        weights = weights_of(given.models, method, variant)
+        weights = given.models / "ablations" / name / folder_of(name, method, variant) / WEIGHTS
         trained = load_learned(method, "paper", params.methods, params.diffusion, weights, variant)
         answers.setdefault(method, {})[setting_of(variant)] = answer(params, trained, test)
     return test, answers
@@ -138,13 +143,14 @@ def ablate_hypotheses(given: Given) -> tuple[Pairs, Answers]:
 def ablate_noise(given: Given) -> tuple[Pairs, Answers]:
     """Beyond the paper: the same test pairs under more and more noise on each cloud."""
     params, test = given.params, read_pairs(given.pairs, "test")
+    scenario = params.ablation.noise.scenario
     noisy = {
         f"noise={deviation:g}": add_noise(test, deviation, seed=stream(params.seed, "noise"))
         for deviation in params.ablation.noise.deviations
     }
     answers = {}
     for name in params.ablation.noise.methods:
-        learned = given.models / f"{name}.safetensors" if name in learned_names() else None
+        learned = given.weights(scenario, name) if name in learned_names() else None
         method = next(iter(load_settings(params, name, given.pairs, learned).values()))
         answers[name] = {s: answer(params, method, pairs) for s, pairs in noisy.items()}
     return test, answers

@@ -18,7 +18,12 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-from pcrdiff.metrics import error_r_deg, error_t, euler_difference_deg, translation_difference
+from pcrdiff.geometry.metrics import (
+    error_r_deg,
+    error_t,
+    euler_difference_deg,
+    translation_difference,
+)
 from pcrdiff.registration import SPLITS, Pairs
 
 if TYPE_CHECKING:
@@ -254,7 +259,10 @@ def _check_rigid(poses: np.ndarray[Any, Any], where: str) -> None:
         raise ValueError(f"{where} needs rigid poses, pair {int(np.argmax(bad))} has another")
 
 
-# Weights and curves.
+# Weights, curves and facts.
+
+WEIGHTS, CURVE, FACTS = "weights.safetensors", "curve.csv", "facts.json"
+"""The files of a training, in a folder of its own."""
 
 
 def write_weights(path: Path, weights: Mapping[str, Tensor], facts: Mapping[str, object]) -> None:

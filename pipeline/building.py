@@ -101,14 +101,17 @@ def _section(name: str, methods: Methods) -> AnyLearned:
     return section
 
 
-def build_classical(name: str, methods: Methods, train: Pairs) -> Mapping[str, Method]:
-    """A method that learns nothing (but ``train``'s mean pose), once per setting of the tables.
+def build_classical(
+    name: str, methods: Methods, train: Callable[[], Pairs]
+) -> Mapping[str, Method]:
+    """A method that learns nothing, once per setting; ``constant`` alone asks for ``train``.
 
     Raises:
         ValueError: No such method.
     """
     if name == "constant":
-        return {setting: Constant(train.T_target_source) for setting in methods.constant}
+        mean = Constant(train().T_target_source)
+        return dict.fromkeys(methods.constant, mean)
     make = _classical(name)
     sections: Mapping[str, Section] = getattr(methods, name)
     return {setting: make(**given.model_dump()) for setting, given in sections.items()}

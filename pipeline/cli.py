@@ -83,10 +83,10 @@ def run_pipeline(
 
 @app.command()
 def profile(
-    name: Annotated[str, typer.Argument(help="A file of profiles/: quick, cpu, paper.")],
+    name: Annotated[str, typer.Argument(help="A file of profiles/: quick, tables, real, paper.")],
     force: Annotated[bool, typer.Option("--force", help="Drop values of your own.")] = False,
 ) -> None:
-    """Make params.yaml a copy of a profile and print what changed."""
+    """Write a profile into params.yaml and print what changed."""
     from pipeline.profiles import write_profile
 
     changed = write_profile(_root(), name, force=force)
@@ -108,6 +108,7 @@ def mlflow_sync() -> None:
 @mlflow_app.command("ui")
 def mlflow_ui(port: Annotated[int, typer.Option(help="Port on 127.0.0.1.")] = 5000) -> None:
     """Open MLflow's pages on this project's store, for this machine only."""
+    from pipeline.mlflow_runs import runs_page
     from pipeline.mlflow_store import artifacts_folder, is_server, public, tracking_uri
     from pipeline.mlflow_sync import open_store
 
@@ -116,14 +117,15 @@ def mlflow_ui(port: Annotated[int, typer.Option(help="Port on 127.0.0.1.")] = 50
     if is_server(uri):
         typer.echo(f"the store is a server already: {public(uri)}")
         return
-    open_store(root)  # under a lock: a server that creates the tables may meet a stage doing it
+    # under a lock: a server that creates the tables may meet a stage doing it
+    page = runs_page(*open_store(root))
     store = [
         "--backend-store-uri",
         uri,
         "--default-artifact-root",
         artifacts_folder(uri, root) or uri,
     ]
-    typer.echo(f"http://127.0.0.1:{port}")
+    typer.echo(f"http://127.0.0.1:{port}/{page}")
     become_module(
         "mlflow", "server", "--host", "127.0.0.1", "--port", str(port), "--workers", "1", *store
     )

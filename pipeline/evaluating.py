@@ -1,10 +1,10 @@
-"""Running one method, in each of its settings, over the test pairs of one scenario."""
+"""Running a method, in each of its settings, over the test pairs of one scenario."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
 from pcrdiff.evaluation import Estimates, Task, evaluate_all
-from pcrdiff.metrics import error_r_deg, error_t
+from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.artifacts import read_pairs, read_weights
 from pipeline.building import build_classical, build_learned, settings_of
@@ -17,19 +17,6 @@ from pipeline.spreading import spread_over
 from pipeline.variants import AS_IT_IS, Variant
 
 
-def evaluate_method(
-    params: Params, name: str, pairs: Path, weights: Path | None
-) -> tuple[Pairs, Mapping[str, Estimates]]:
-    """The test pairs, and the method's answers by setting; ``weights`` are a learned method's.
-
-    Raises:
-        FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
-    """
-    settings = load_settings(params, name, pairs, weights)
-    test = read_pairs(pairs, "test")
-    return test, answer_all(params, {s: (method, 0) for s, method in settings.items()}, test)
-
-
 def load_settings(
     params: Params, name: str, pairs: Path, weights: Path | None
 ) -> Mapping[str, Method]:
@@ -39,11 +26,18 @@ def load_settings(
         FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
     """
     if weights is None:
-        return build_classical(name, params.methods, read_pairs(pairs, "train"))
+        return build_classical(name, params.methods, lambda: read_pairs(pairs, "train"))
     return {
         setting: load_learned(name, setting, params.methods, params.diffusion, weights)
         for setting in settings_of(name, params.methods)
     }
+
+
+def answer_settings(
+    params: Params, settings: Mapping[str, Method], test: Pairs
+) -> Mapping[str, Estimates]:
+    """Register the test pairs under each setting of a method."""
+    return answer_all(params, {name: (method, 0) for name, method in settings.items()}, test)
 
 
 def answer(params: Params, method: Method, test: Pairs) -> Estimates:
@@ -89,19 +83,11 @@ def load_learned(
     return method.eval()
 
 
-def summarise(test: Pairs, answers: Mapping[str, Estimates]) -> dict[str, float]:
-    """Mean and median errors and the failures, by setting: what `dvc metrics` shows.
+def mean_error_r_deg(test: Pairs, given: Estimates) -> float:
+    """ERROR(R) over all pairs, failed ones included."""
+    return error_r_deg(given.T_target_source, test.T_target_source).mean().item()
 
-    Of an even count the median is the mean of the middle two; torch's own is the lower one.
-    """
-    summary: dict[str, float] = {}
-    for setting, given in answers.items():
-        angles = error_r_deg(given.T_target_source, test.T_target_source)
-        shifts = error_t(given.T_target_source, test.T_target_source)
-        summary |= {
-            f"{setting}.error_r_deg": angles.mean().item(),
-            f"{setting}.median_error_r_deg": angles.quantile(0.5).item(),
-            f"{setting}.error_t": shifts.mean().item(),
-            f"{setting}.failures": float(sum(map(bool, given.failures))),
-        }
-    return summary
+
+def headline(answers: Mapping[str, Estimates]) -> Estimates:
+    """The answers in the paper's setting, or in the first where the paper has none."""
+    return answers.get("paper", next(iter(answers.values())))

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Output = TypeVar("Output", covariant=True)
 # What is unpickled below are bytes that this process made of its own objects, never a file. Each
-# worker so has a copy without what belongs to this process alone (`pcrdiff.isolation`).
+# worker so has a copy without what belongs to this process alone (`pcrdiff.bindings.isolation`).
 
 AHEAD = 4
 """Items that are on their way to a worker, in one, or back: with them memory stays bounded."""

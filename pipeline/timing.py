@@ -2,18 +2,24 @@
 
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import TypeVar
 
 import torch
 from torch import Tensor
 
 from pcrdiff.registration import Method, Pairs
-from pipeline.artifacts import read_pairs, write_csv
+from pipeline.artifacts import WEIGHTS, read_pairs, write_csv
 from pipeline.evaluating import load_settings
+from pipeline.machine import end_with_parent
 from pipeline.params import Params
 
+T = TypeVar("T")
+FORK = get_context("fork")
 COLUMNS = ("pair", "setting", "seconds", "peak_memory_mib")
 
 
@@ -26,23 +32,81 @@ class Cost:
     """Resident memory of the process at its highest, above that before its first registration."""
 
 
-def time_method(
-    params: Params, name: str, pairs: Path, weights: Path | None
-) -> Mapping[str, list[Cost]]:
-    """Time a method in each of its settings on the first test pairs, one by one.
+Costs = Mapping[str, list[Cost]]
+"""Of each of the first test pairs, by setting."""
+
+
+def time_all(params: Params, pairs: Path, models: Path) -> Iterator[tuple[str, Costs]]:
+    """Time every method of ``params`` that can answer ``timing.scenario``, each in all its settings.
+
+    Each is loaded and timed in a process of its own, so that none profits from memory that another
+    has left.
 
     Raises:
         FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
     """
-    settings = load_settings(params, name, pairs, weights)
-    test, wanted = read_pairs(pairs, "test"), params.timing.pairs
-    if wanted > len(test):
-        raise ValueError(f"timing.pairs needs at most the {len(test)} test pairs, got {wanted}")
-    first, before = test.select(torch.arange(wanted)), resident("VmRSS")
-    return {
-        setting: time_pairs(method, first, params.timing.warm_up, before)
-        for setting, method in settings.items()
-    }
+    timing, test = params.timing, read_pairs(pairs, "test")
+    if timing.pairs > len(test):
+        raise ValueError(
+            f"timing.pairs needs at most the {len(test)} test pairs, got {timing.pairs}"
+        )
+    first = test.select(torch.arange(timing.pairs))
+    for name, weights in timed_methods(params, models).items():
+
+        def work(name: str = name, weights: Path | None = weights) -> Costs:
+            return time_settings(load_settings(params, name, pairs, weights), first, timing.warm_up)
+
+        yield name, in_a_child(work)
+
+
+def in_a_child(work: Callable[[], T]) -> T:
+    """What ``work`` returns in a forked process.
+
+    Open3D must not be loaded before: its threads do not survive a fork.
+
+    Raises:
+        Exception: What ``work`` raised.
+        RuntimeError: The process ended before it could answer.
+    """
+    ours, theirs = FORK.Pipe(duplex=False)
+    child = FORK.Process(target=_send, args=(work, theirs))
+    child.start()
+    theirs.close()
+    try:
+        outcome: T | Exception = ours.recv()
+    except EOFError as error:
+        child.join()
+        raise RuntimeError(
+            f"a timed method ended its process, exit code {child.exitcode}"
+        ) from error
+    child.join()
+    if isinstance(outcome, Exception):
+        raise outcome
+    return outcome
+
+
+def _send(work: Callable[[], object], answer: Connection) -> None:
+    end_with_parent()
+    try:
+        answer.send(work())
+    except Exception as error:  # noqa: BLE001  the parent raises it
+        answer.send(error)
+
+
+def timed_methods(params: Params, models: Path) -> Mapping[str, Path | None]:
+    """The methods that can answer ``timing.scenario``, and where a learned one's weights lie."""
+    scenario, run = params.timing.scenario, params.run
+    learned = [
+        name for name in (*run.diffused, *run.baselines) if params.trainings[name].get(scenario)
+    ]
+    classical: dict[str, Path | None] = dict.fromkeys(run.classical)
+    return classical | {name: models / name / scenario / WEIGHTS for name in learned}
+
+
+def time_settings(settings: Mapping[str, Method], test: Pairs, warm_up: int) -> Costs:
+    """Time a method in each of its settings on the test pairs, one by one."""
+    before = resident("VmRSS")
+    return {name: time_pairs(method, test, warm_up, before) for name, method in settings.items()}
 
 
 def time_pairs(method: Method, test: Pairs, warm_up: int, before: float) -> list[Cost]:
@@ -87,7 +151,7 @@ def forget_peak() -> None:
     Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
 
 
-def write_costs(path: Path, costs: Mapping[str, list[Cost]]) -> None:
+def write_costs(path: Path, costs: Costs) -> None:
     """Write ``results/times/<method>.csv``: a row a setting and pair."""
     rows = [
         [pair, setting, cost.seconds, cost.peak_memory_mib]
@@ -97,10 +161,7 @@ def write_costs(path: Path, costs: Mapping[str, list[Cost]]) -> None:
     write_csv(path, [list(COLUMNS), *rows])
 
 
-def summarise(costs: Mapping[str, list[Cost]]) -> dict[str, float]:
-    """Mean seconds and memory by setting."""
-    summary: dict[str, float] = {}
-    for setting, found in costs.items():
-        summary[f"{setting}.seconds"] = sum(c.seconds for c in found) / len(found)
-        summary[f"{setting}.peak_memory_mib"] = sum(c.peak_memory_mib for c in found) / len(found)
-    return summary
+def mean_seconds(costs: Costs) -> float:
+    """Per pair, in the first setting."""
+    first = next(iter(costs.values()))
+    return sum(cost.seconds for cost in first) / len(first)

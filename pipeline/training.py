@@ -1,7 +1,9 @@
-"""Training one method on one scenario as params.yaml says, and what there is to tell of it."""
+"""The trainings of a stage, as params.yaml says, and the files that each of them writes."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +14,24 @@ from pcrdiff.geometry.precision import resolve, search_precision
 from pcrdiff.processes import ALONE, Processes
 from pcrdiff.progress import silent
 from pcrdiff.training import Budget, Checkpoint, Epoch, FreshPoses, Trainer, train
-from pipeline.artifacts import read_pairs
+from pipeline.artifacts import (
+    CURVE,
+    FACTS,
+    WEIGHTS,
+    read_attributes,
+    read_pairs,
+    write_curve,
+    write_json,
+    write_weights,
+)
 from pipeline.building import build_untrained
-from pipeline.params import Params, pick
+from pipeline.checkpoints import NoCheckpoint, open_checkpoint
+from pipeline.machine import settle
+from pipeline.params import DIFFUSED, Params, pick
+from pipeline.processes import check_agreement, join
 from pipeline.progress import bar
 from pipeline.seeding import stream
-from pipeline.tracking import Journal
+from pipeline.tracking import Journal, journal
 from pipeline.variants import AS_IT_IS, Variant, setting_of
 
 CODE = (
@@ -33,6 +47,19 @@ VALIDATION_WALK = {"steps": 1, "sampler": "ddpm", "hypotheses": 1}
 
 
 @dataclass(frozen=True)
+class Task:
+    """One training of a stage."""
+
+    scenario: str
+    method: str
+    pairs: Path
+    folder: Path
+    """Where its files go."""
+    variant: Variant = field(default_factory=dict)
+    """What differs from the method as params.yaml has it; nothing for a main training."""
+
+
+@dataclass(frozen=True)
 class Trained:
     """The outcome of a training."""
 
@@ -42,29 +69,72 @@ class Trained:
     facts: dict[str, object]
     """How much training this was."""
 
-    def note(self, notes: Journal) -> None:
-        """Put the curve and the facts into the journal."""
+    def write(self, folder: Path) -> None:
+        """Write the weights, the curve and the facts."""
+        write_weights(folder / WEIGHTS, self.weights, self.facts)
+        write_curve(folder / CURVE, self.curve)
+        write_json(folder / FACTS, self.facts)
+
+    def note_curve(self, notes: Journal) -> None:
+        """Put the curve into the journal."""
         for epoch in self.curve:
-            values = {f"train_{name}": value for name, value in epoch.losses.items()}
-            values["learning_rate"] = epoch.learning_rate
-            if epoch.val_error_r_deg is not None and epoch.val_error_t is not None:
+            values = {"loss": epoch.losses["loss"]}
+            if epoch.val_error_r_deg is not None:
                 values["val_error_r_deg"] = epoch.val_error_r_deg
-                values["val_error_t"] = epoch.val_error_t
             notes.metrics(values, step=epoch.epoch)
-        notes.metrics({name: v for name, v in self.facts.items() if isinstance(v, int | float)})
+
+
+def train_all(params: Params, tasks: Sequence[Task]) -> None:
+    """Train each task to the end of its budget, and write its files as soon as it is done.
+
+    Of several processes the first writes; the others train along. When the stage is killed, the
+    states of all its trainings are kept, and it continues from them.
+
+    Raises:
+        FileNotFoundError, ValueError: A pair file is missing or is not one, or the processes disagree.
+        RuntimeError: A gradient is not finite.
+    """
+    told = [training_params(params, t.scenario, t.method, t.variant) for t in tasks]
+    pairs = sorted({task.pairs for task in tasks})
+    with join(params.train.devices, params.train.nodes) as processes:
+        settle(params.threads, params.search_precision)
+        check_agreement(processes, {"trainings": told}, [*pairs, *CODE])
+        if processes.rank > 0:
+            for task in tasks:
+                train_method(params, task, NoCheckpoint(), processes)
+            return
+        with journal(params=_noted(told), inputs=pairs) as notes, ExitStack() as until_all_are_done:
+            for task, its_params in zip(tasks, told, strict=True):
+                checkpoint = until_all_are_done.enter_context(
+                    open_checkpoint(its_params, [task.pairs, *CODE])
+                )
+                outcome = train_method(params, task, checkpoint, processes)
+                outcome.write(task.folder)
+                if len(tasks) == 1:
+                    outcome.note_curve(notes)
+
+
+NOTED = ("search_precision", "method", "scenario", "epochs", "batch_size", "learning_rate")
+"""What MLflow shows of a training's params; all of them are in ``dvc.lock``."""
+
+
+def _noted(told: Sequence[dict[str, Any]]) -> dict[str, object]:
+    """What the trainings of a stage have in common, and what they do not, as text."""
+    different = {name: [str(each[name]) for each in told] for name in NOTED}
+    return {name: ", ".join(dict.fromkeys(values)) for name, values in different.items()}
 
 
 def epochs_of(params: Params, scenario: str, method: str, variant: Variant) -> int:
     """The budget of a training; a variant's is the ablation's own, the same for all of a method."""
     if variant:
         return pick(params.ablation.epochs, method, "ablation.epochs")
-    return params.training(scenario, method).epochs
+    return params.epochs(scenario, method)
 
 
 def training_params(
     params: Params, scenario: str, method: str, variant: Variant = AS_IT_IS
 ) -> dict[str, Any]:
-    """All of params.yaml that a training depends on."""
+    """All of params.yaml that a training depends on, besides its pairs."""
     return {
         "seed": params.seed,
         "threads": params.threads,
@@ -75,22 +145,14 @@ def training_params(
         "method": method,
         "epochs": epochs_of(params, scenario, method, variant),
         "poses": params.train.poses,
-        "max_rotation_deg": params.scenarios[scenario].max_rotation_deg,
-        "max_translation": params.scenarios[scenario].max_translation,
-        "timesteps": params.diffusion.timesteps,
+        **_process(params, method),
         "network": {**getattr(params.methods, method).network.model_dump(), **variant},
         **getattr(params.train, method).model_dump(),
     }
 
 
-def train_method(  # noqa: PLR0913 - what stages/train.py is told, where it goes on, and with whom
-    params: Params,
-    scenario: str,
-    method: str,
-    variant: Variant,
-    pairs: Path,
-    checkpoint: Checkpoint,
-    processes: Processes = ALONE,
+def train_method(
+    params: Params, task: Task, checkpoint: Checkpoint, processes: Processes = ALONE
 ) -> Trained:
     """Train a method, or a variant of it, to the end of its budget.
 
@@ -98,23 +160,22 @@ def train_method(  # noqa: PLR0913 - what stages/train.py is told, where it goes
     several processes comes back with the same outcome.
 
     Raises:
-        FileNotFoundError, ValueError: The pair file is not there or not one.
+        FileNotFoundError, ValueError: The pair file is missing or is not one.
         RuntimeError: A gradient is not finite.
     """
+    scenario, method, variant = task.scenario, task.method, task.variant
     torch.manual_seed(stream(params.seed, f"init/{scenario}/{method}"))
     walk = params.diffusion.model_copy(update=VALIDATION_WALK)
     network = build_untrained(method, params.methods, walk, variant)
-    data, val = read_pairs(pairs, "train"), read_pairs(pairs, "val")
+    data, val = read_pairs(task.pairs, "train"), read_pairs(task.pairs, "val")
     settings = getattr(params.train, method)
     budget = Budget(epochs_of(params, scenario, method, variant), **settings.model_dump())
-    made = params.scenarios[scenario]
-    fresh = FreshPoses(made.max_rotation, made.max_translation)
     trainer = Trainer(
         network,
         data,
         val,
         budget,
-        fresh if params.train.poses == "fresh" else None,
+        fresh_poses(task.pairs) if params.train.poses == "fresh" else None,
         seed=stream(params.seed, f"train/{scenario}/{method}"),
         processes=processes,
     )
@@ -135,11 +196,22 @@ def train_method(  # noqa: PLR0913 - what stages/train.py is told, where it goes
         "best_epoch": trainer.best_epoch,
         "val_error_r_deg": _or_none(trainer.best_error),
         "poses": params.train.poses,
-        "timesteps": params.diffusion.timesteps,
+        **_process(params, method),
     }
     if variant:
         facts["setting"] = setting_of(variant)
     return Trained(weights, curve, facts)
+
+
+def _process(params: Params, method: str) -> dict[str, int]:
+    """What a training knows of the diffusion process, if its method has one."""
+    return {"timesteps": params.diffusion.timesteps} if method in DIFFUSED else {}
+
+
+def fresh_poses(pairs: Path) -> FreshPoses:
+    """New poses within the bounds that the pair file says its own were drawn within."""
+    made = read_attributes(pairs)["provenance"]["scenario"]
+    return FreshPoses(math.radians(made["max_rotation_deg"]), made["max_translation"])
 
 
 def _or_none(value: float) -> float | None:

@@ -1,6 +1,6 @@
-"""Variants of a learned method, each trained by itself: what Tables 3 to 5 compare."""
+"""Variants of a learned method, each trained on its own: what Tables 3 to 5 compare."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
@@ -15,39 +15,22 @@ FUSED = ("pcrdiffusion_cf",)
 """The methods that Table 5 fuses in different ways."""
 
 
-Axes = tuple[Sequence[str], Mapping[str, Sequence[str]]]
-"""Methods, and the values of each key that is varied."""
-
-
-def _diffusion(ablation: Ablation) -> Axes:
-    return ablation.methods, {"diffusion": ablation.diffusions}
-
-
-def _representation(ablation: Ablation) -> Axes:
-    axes = {
-        "representation": list[str](ablation.representations),
-        "scaling": list[str](ablation.scalings),
-    }
-    return ablation.methods, axes
-
-
-def _fusion(ablation: Ablation) -> Axes:
-    return FUSED, {"fusion": ablation.fusions}
-
-
-TRAINED: Mapping[str, Callable[[Ablation], Axes]] = {
-    "diffusion": _diffusion,
-    "representation": _representation,
-    "fusion": _fusion,
+TRAINED: Mapping[str, Mapping[str, str]] = {
+    "diffusion": {"diffusion": "diffusions"},
+    "representation": {"representation": "representations", "scaling": "scalings"},
+    "fusion": {"fusion": "fusions"},
 }
-"""By the name of the ablation: its methods, and the lists whose every combination is trained."""
+"""By the name of the ablation: the keys that it varies, and where ``ablation`` lists their values."""
 
 
-def variants(ablation: Ablation, name: str) -> list[tuple[str, Variant]]:
-    """Every method and variant of one ablation."""
-    methods, axes = TRAINED[name](ablation)
-    values = product(*axes.values())
-    combined = [dict(zip(axes, chosen, strict=True)) for chosen in values]
+def variants(ablation: Ablation, name: str, value: str | None = None) -> list[tuple[str, Variant]]:
+    """Every method and variant of one ablation, or those alone that have ``value`` for its name."""
+    methods = FUSED if name == "fusion" else ablation.methods
+    axes = {
+        key: [value] if value and key == name else getattr(ablation, listed)
+        for key, listed in TRAINED[name].items()
+    }
+    combined = [dict(zip(axes, chosen, strict=True)) for chosen in product(*axes.values())]
     return [(method, variant) for method in methods for variant in combined]
 
 
@@ -56,18 +39,7 @@ def setting_of(variant: Variant) -> str:
     return ",".join(f"{key}={value}" for key, value in variant.items())
 
 
-def parse_variant(setting: str) -> Variant:
-    """Inverse of :func:`setting_of`; nothing for the method as it is.
-
-    Raises:
-        ValueError: It is not a list of ``key=value``.
-    """
-    pairs = [part.partition("=") for part in setting.split(",")] if setting else []
-    if not all(key and value for key, _, value in pairs):
-        raise ValueError(f"a variant needs key=value,key=value, got {setting!r}")
-    return {key: value for key, _, value in pairs}
-
-
-def weights_of(folder: Path, method: str, variant: Variant) -> Path:
-    """Where the weights of a variant lie."""
-    return folder / f"{'-'.join([method, *variant.values()])}.safetensors"
+def folder_of(ablation: str, method: str, variant: Variant) -> Path:
+    """Where the files of a variant lie among those of its ablation: ``euler/pcrdiffusion_cf-raw``."""
+    others = [value for key, value in variant.items() if key != ablation]
+    return Path(variant[ablation], "-".join([method, *others]))

@@ -18,7 +18,7 @@ def main(argv: list[str] | None = None) -> None:
 
     params = read_params()
     section = pick(params.acquire, args.dataset, "acquire")
-    with journal(params=section.model_dump()):
+    with journal(params={"dataset": args.dataset, "source": section.source}):
         acquire(section, args.out, seed=params.seed)
 
 

@@ -24,7 +24,8 @@ def main(argv: list[str] | None = None) -> None:
     section = pick(params.scenarios, args.scenario, "scenarios")
     family = params.acquire[section.dataset].family
     settle(threads=1)  # a pair has no work for more
-    with journal(params=section.model_dump(), inputs=[args.raw]) as notes:
+    told = {"scenario": args.scenario, "dataset": section.dataset, "num_points": section.num_points}
+    with journal(params=told, inputs=[args.raw]) as notes:
         spread = spread_over(params.compute, threads=1)
         made = preprocess(args.scenario, section, family, args.raw, seed=params.seed, spread=spread)
         write_pairs(args.pairs, made.splits, made.label, made.attributes)

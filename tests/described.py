@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
+from ruamel.yaml.nodes import CollectionNode, Node, SequenceNode
 
 from pipeline.yaml_files import read_yaml
 
@@ -40,9 +41,9 @@ class Instance:
 
     @property
     def _run(self) -> list[str]:
-        """What follows ``python -m``, whatever the environment set before it."""
-        words = shlex.split(self.content["cmd"])
-        return words[words.index("-m", words.index("python")) + 1 :]
+        """What follows ``sh stages/run``, whose first word names the module."""
+        stage, *arguments = shlex.split(self.content["cmd"])[2:]
+        return [f"stages.{stage}", *arguments]
 
     @property
     def deps(self) -> list[str]:
@@ -72,6 +73,17 @@ def read_repository_params() -> dict[str, Any]:
 def write_yaml(path: Path, values: Mapping[str, Any]) -> None:
     """Write a file as DVC does."""
     YAML().dump(values, path)
+
+
+def flow_style_lists(node: Node | None) -> list[Node]:
+    """Lists written ``[a, b]``; empty ones are fine, and so are mappings in braces."""
+    if not isinstance(node, CollectionNode):
+        return []
+    children = [
+        child for pair in node.value for child in (pair if isinstance(pair, tuple) else [pair])
+    ]
+    own = [node] if isinstance(node, SequenceNode) and node.flow_style and node.value else []
+    return own + [found for child in children for found in flow_style_lists(child)]
 
 
 def expand(params: Mapping[str, Any]) -> list[Instance]:

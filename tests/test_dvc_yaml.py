@@ -8,6 +8,7 @@ import shutil
 import subprocess
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from typing import Any
 from unittest.mock import MagicMock
 
 import grimp
@@ -15,39 +16,49 @@ import pytest
 from dvc.fs import localfs
 from dvc.ignore import DvcIgnoreFilter
 from ruamel.yaml import YAML
-from ruamel.yaml.nodes import CollectionNode, Node
 
-from pipeline.params import read_params
+from pipeline import training
+from pipeline.params import classical_names, read_params
 from pipeline.tracking import content_md5
 from tests.described import (
     REPOSITORY,
     VARIABLE,
     Instance,
     expand,
+    flow_style_lists,
     read_repository_params,
     read_templates,
 )
 from tests.recording import Reads, RecordingSection
-from tests.tiny import lay_out, run_instance, standing_in, tiny_params
+from tests.tiny import lay_out, run_instance, standing_in, tiny_params, write_params
 
 GLUE = {
+    "pcrdiff.processes": "says what several processes share; tests hold that they learn the same",
     "pcrdiff.progress": "watches loops, changes none",
     "pcrdiff.spreading": "says that a loop may be run elsewhere, and nothing of what it does",
+    "pipeline.artifacts": "writes and reads files; its tests hold their bytes",
     "pipeline.building": "hands params to methods; a new method must not retrain the old ones",
     "pipeline.checkpoints": "keeps what a training gives it, and gives it back",
     "pipeline.invocation": "finds the project and names the run",
+    "pipeline.machine": "sets threads and precision as params say",
+    "pipeline.mlflow_runs": "says what a run in MLflow holds",
     "pipeline.mlflow_store": "says where MLflow keeps its runs",
     "pipeline.mlflow_sync": "copies journals into MLflow after the report is written",
     "pipeline.method_params": "the part of pipeline.params that is about methods",
     "pipeline.sections": "what pipeline.params is made of",
     "pipeline.params": "hands over params.yaml, whose keys DVC watches by themselves",
+    "pipeline.processes": "lets several processes train as one; tests hold that they learn the same",
+    "pipeline.profiles": "says what is usual, for MLflow to name what is not",
     "pipeline.progress": "draws bars",
     "pipeline.records": "reads journals for MLflow",
+    "pipeline.seeding": "derives seeds; its test holds them",
     "pipeline.spreading": "runs loops elsewhere; tests hold that the results are the same bytes",
     "pipeline.restored": "tells MLflow what DVC took from its cache",
     "pipeline.stage": "says how a stage ended",
     "pipeline.tracking": "writes journals",
     "pipeline.dvcignore": "says which files count for journals and checkpoints",
+    "pipeline.variants": "names what ablations vary",
+    "pipeline.walks": "writes and reads walks; its tests hold their bytes",
     "pipeline.yaml_files": "reads params.yaml for pipeline.params",
 }
 """Modules that change no result, so that a change of theirs need not re-run a stage; and why."""
@@ -64,7 +75,7 @@ COMMITTED = {
 }
 """Inputs that lie in the repository, and why."""
 CODE = ("pcrdiff/", "pipeline/", "stages/")
-NAMES = ("--dataset", "--scenario", "--method", "--name", "--variant")
+NAMES = ("--dataset", "--scenario", "--method", "--ablation", "--value")
 """The options whose values are names, not paths."""
 
 TEMPLATES = read_templates()
@@ -80,10 +91,18 @@ def by_name(instances: list[Instance]) -> dict[str, Instance]:
 
 def methods_of(instance: Instance) -> list[str]:
     """The methods that an instance builds."""
-    if "--method" in instance.argv:
-        return [instance.argv[instance.argv.index("--method") + 1]]
-    ablation = read_repository_params()["ablation"]
-    return [*ablation["methods"], *ablation["noise"]["methods"]]
+    params = read_repository_params()
+    run, ablation = params["run"], params["ablation"]
+    groups = {
+        "evaluate_classical": run["classical"],
+        "ablate": [*run["diffused"], *ablation["noise"]["methods"]],
+        "time": [*run["diffused"], *run["baselines"], *run["classical"]],
+    }
+    return (
+        [instance.item["method"]]
+        if "method" in instance.item
+        else groups.get(instance.template, run["diffused"])
+    )
 
 
 def imported_modules(instance: Instance) -> set[str]:
@@ -143,12 +162,14 @@ def test_every_excuse_is_needed() -> None:
     assert WIRING.keys() <= wired
 
 
-@pytest.mark.parametrize("template", ["train", "train_representation", "evaluate", "time"])
+@pytest.mark.parametrize(
+    "template", ["train", "train_baselines", "train_fusion", "evaluate", "evaluate_baselines"]
+)
 def test_a_learned_method_depends_on_its_own_file_alone(template: str) -> None:
     for instance in INSTANCES:
         if instance.template == template:
-            methods = [dep for dep in instance.deps if dep.startswith("pcrdiff/methods")]
-            assert methods == [f"pcrdiff/methods/{name}.py" for name in methods_of(instance)]
+            methods = {dep for dep in instance.deps if dep.startswith("pcrdiff/methods")}
+            assert methods == {f"pcrdiff/methods/{name}.py" for name in methods_of(instance)}
 
 
 # Params.
@@ -159,6 +180,13 @@ def null_journal(**_: object) -> AbstractContextManager[MagicMock]:
     return nullcontext(MagicMock())
 
 
+def everything() -> dict[str, Any]:
+    """The tiny project's params with every classical method."""
+    params = tiny_params()
+    params["run"]["classical"] = classical_names()
+    return params
+
+
 @pytest.fixture(scope="module")
 def reads(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Reads]:
     """Which params each stage of the tiny project reads: all are run, in the order of dvc.yaml."""
@@ -166,12 +194,17 @@ def reads(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Reads]:
     lay_out(folder)
     read: dict[str, Reads] = {}
     with standing_in(folder), pytest.MonkeyPatch.context() as patch:
-        for instance in expand(tiny_params()):
+        write_params(everything())
+        for instance in expand(everything()):
             module = importlib.import_module(instance.module)
             read[instance.name] = set()
             params = RecordingSection(read_params(), "", read[instance.name])
             patch.setattr(module, "read_params", lambda params=params: params)
-            patch.setattr(module, "journal", null_journal)
+            patch.setattr(
+                training if instance.template.startswith("train") else module,
+                "journal",
+                null_journal,
+            )
             if instance.template == "report":
                 patch.setattr(module, "sync_after_report", MagicMock())
             run_instance(instance)
@@ -182,7 +215,7 @@ def lies_under(key: str, section: str) -> bool:
     return key == section or key.startswith(f"{section}.")
 
 
-TINY = by_name(expand(tiny_params()))
+TINY = by_name(expand(everything()))
 
 
 @pytest.mark.parametrize("name", TINY)
@@ -226,16 +259,11 @@ def test_the_recording_sees_what_is_read(reads: dict[str, Reads]) -> None:
 
 def test_the_steps_of_the_walk_concern_only_what_samples() -> None:
     concerned = {
-        instance.template
+        instance.name
         for instance in INSTANCES
         if any(lies_under("diffusion.steps", key) for key in instance.content["params"])
     }
-    assert concerned == {"evaluate", "ablate", "time"}
-    assert {
-        instance.name.partition("-pcrdiffusion")[1] or instance.item["method"]
-        for instance in INSTANCES
-        if instance.template == "evaluate" and "diffusion" in instance.content["params"]
-    } == {"-pcrdiffusion"}
+    assert concerned == {"evaluate@pcrdiffusion_cf", "evaluate@pcrdiffusion_cb", "ablate", "time"}
 
 
 def test_every_declared_param_exists() -> None:
@@ -251,13 +279,22 @@ def test_every_declared_param_exists() -> None:
 # Paths.
 
 
+def paths_of(instance: Instance) -> list[str]:
+    """What the command is given, names apart."""
+    paths, option = [], ""
+    for word in instance.argv:
+        if word.startswith("--"):
+            option = word
+        elif option not in NAMES:
+            paths.append(word)
+    return paths
+
+
 @pytest.mark.parametrize("name", by_name(INSTANCES))
-def test_every_path_of_a_command_is_a_dep_or_an_out(name: str) -> None:
+def test_every_path_of_a_command_is_a_dep_or_an_out_or_holds_one(name: str) -> None:
     instance = by_name(INSTANCES)[name]
-    options = dict(zip(instance.argv[::2], instance.argv[1::2], strict=True))
-    assert all(option.startswith("--") for option in options)
-    paths = [value for option, value in options.items() if option not in NAMES]
-    assert [path for path in paths if path not in {*instance.deps, *instance.outs}] == []
+    known, paths = [*instance.deps, *instance.outs], paths_of(instance)
+    assert [path for path in paths if not any(Path(k).is_relative_to(path) for k in known)] == []
     assert [out for out in instance.outs if out not in paths] == []
 
 
@@ -265,7 +302,8 @@ def test_every_path_of_a_command_is_a_dep_or_an_out(name: str) -> None:
 def test_every_dep_that_is_no_code_is_in_the_command_and_made_by_another_stage(name: str) -> None:
     instance = by_name(INSTANCES)[name]
     data = [dep for dep in instance.deps if not dep.startswith(CODE)]
-    assert [dep for dep in data if dep not in instance.argv] == []
+    given = paths_of(instance)
+    assert [dep for dep in data if not any(Path(dep).is_relative_to(path) for path in given)] == []
     made = {out for each in INSTANCES for out in each.outs} | COMMITTED.keys()
     assert [dep for dep in data if not any(Path(out).is_relative_to(dep) for out in made)] == []
 
@@ -280,14 +318,13 @@ def test_a_committed_input_is_there_and_its_code_is_not_seen_by_dvc() -> None:
 
 def test_a_command_runs_the_file_it_depends_on() -> None:
     for instance in INSTANCES:
-        assert " python -m stages." in f" {instance.content['cmd']}"
         assert f"{instance.module.replace('.', '/')}.py" in instance.deps
 
 
 @pytest.mark.parametrize("name", by_name(INSTANCES))
 def test_a_command_has_nothing_that_two_shells_read_differently(name: str) -> None:
-    begin = re.escape('env "PATH=$DVC_ROOT/.venv/bin:$PATH" python -m stages.')
-    assert re.fullmatch(begin + r"[\w ./=,+-]+", by_name(INSTANCES)[name].content["cmd"].strip())
+    command = by_name(INSTANCES)[name].content["cmd"].strip()
+    assert re.fullmatch(r"sh stages/run [\w ./,+-]+", command)
 
 
 SHELLS = {"sh": [], "bash": [], "dash": [], "zsh": [], "ksh": [], "tcsh": ["-f"], "fish": []}
@@ -304,6 +341,7 @@ def test_a_command_runs_the_python_of_the_project_in_every_shell_here(
     instance = INSTANCES[0]
     done = subprocess.run(
         [shell, *SHELLS[shell], "-c", instance.content["cmd"]],
+        cwd=REPOSITORY,
         env={**os.environ, "DVC_ROOT": str(tmp_path / "a b's"), "HOME": str(tmp_path)},
         capture_output=True,
         text=True,
@@ -320,27 +358,15 @@ def test_no_two_stages_write_one_path() -> None:
 # params.yaml and DVC's ``-S``.
 
 
-def flow_style_nodes(node: Node | None) -> list[Node]:
-    """Lists and mappings written ``[a, b]`` or ``{a: b}``; empty ones are fine."""
-    if not isinstance(node, CollectionNode):
-        return []
-    children = [
-        child for pair in node.value for child in (pair if isinstance(pair, tuple) else [pair])
-    ]
-    own = [node] if node.flow_style and node.value else []
-    return own + [found for child in children for found in flow_style_nodes(child)]
-
-
-@pytest.mark.parametrize(
-    "name", ["params.yaml", "profiles/quick.yaml", "profiles/cpu.yaml", "profiles/paper.yaml"]
-)
+@pytest.mark.parametrize("name", ["params.yaml", "profiles/quick.yaml"])
 def test_lists_are_in_block_style(name: str) -> None:
     node = YAML(pure=True).compose(REPOSITORY / name)
-    assert [str(found.start_mark) for found in flow_style_nodes(node)] == []
+    assert [str(found.start_mark) for found in flow_style_lists(node)] == []
 
 
-def test_flow_style_is_found_where_there_is_some() -> None:
-    assert len(flow_style_nodes(YAML(pure=True).compose("a: [1]\nb: []\nc: {d: {}}\n"))) == 2
+def test_lists_in_flow_style_are_found_where_there_are_some() -> None:
+    text = "a: [1]\nb: []\nc: {d: {}, e: [2]}\nf:\n- 3\n"
+    assert len(flow_style_lists(YAML(pure=True).compose(text))) == 2
 
 
 def test_setting_a_param_by_dvc_changes_its_line_alone(tmp_path: Path) -> None:

@@ -22,10 +22,10 @@ COLUMNS = ["name", "ratio", "ours", "peer", "unit", "n", "spread", "environment"
 def boxes(blank: Path, monkeypatch: pytest.MonkeyPatch) -> Params:
     """A project of boxes with untrained weights, as the current folder."""
     monkeypatch.setattr(inputs, "SCENARIO", SCENARIO)
-    monkeypatch.setattr(inputs, "PAPER", REPOSITORY / "profiles" / "paper.yaml")
+    monkeypatch.setattr(inputs, "PROJECT", REPOSITORY)
     run_instance(instance("acquire@modelnet40"))
     params = read_params()
-    for name in (CF, CB):
+    for name in params.trainings:
         weights = build_untrained(name, params.methods, params.diffusion).state_dict()
         write_weights(blank / inputs.weights_of(name), weights, {"method": name})
     return params
@@ -38,7 +38,7 @@ def test_a_tiny_run_measures_every_method_and_writes_what_it_found(
     names = [each.name for each in found.ratios]
     assert names[:3] == [name for name in FIRST if name.startswith("cf_")]
     assert "cb_train_step_vs_plain" in names
-    assert {each.method for each in found.latencies} == {*boxes.run.classical, CF, CB}
+    assert {each.method for each in found.latencies} == {*boxes.run.classical, *boxes.trainings}
     assert {(each.method, each.points) for each in found.latencies} >= {(CF, 64), (CF, 32)}
     assert len({each.environment for each in found.ratios}) == 1
     write_benchmarks(tmp_path, found)
@@ -58,7 +58,11 @@ def test_the_stages_asked_for_are_those_of_dvc_yaml(capsys: pytest.CaptureFixtur
     main(["--stages"])
     said = capsys.readouterr().out.split()
     stages = {each.name for each in expand(read_repository_params())}
-    assert {"train@modelnet40-gaussian_noise-rpmnet"} < {*said} <= stages
+    assert (
+        {"train@modelnet40-gaussian_noise-pcrdiffusion_cf", "train_baselines@rpmnet"}
+        < {*said}
+        <= stages
+    )
 
 
 def faked(params: Params, effort: Effort, environment: str) -> Benchmarks:

@@ -4,15 +4,16 @@ from pathlib import Path
 
 import pytest
 import torch
+from torch import Tensor
 
 from pipeline.ablating import ABLATIONS, Given, ablate_steps, add_noise
 from pipeline.artifacts import read_pairs
-from pipeline.evaluating import evaluate_method
+from pipeline.evaluating import answer_settings, load_settings
 from pipeline.params import read_params
-from tests.described import read_templates
-from tests.tiny import CB, CF, PAIRS, SCENARIO
+from tests.described import expand, read_repository_params
+from tests.tiny import CB, CF, PAIRS, weights
 
-MODELS = Path(f"models/{SCENARIO}")
+MODELS = Path("models")
 WALKS = [
     f"steps={n},sampler={s}{d}" for s in ("ddpm", "ddim") for n in (1, 2) for d in ("", ",draw=1")
 ]
@@ -31,21 +32,21 @@ SETTINGS = {
 METHODS = {"fusion": [CF], "noise": ["identity", CF]}
 
 
-def given(project: Path, models: Path = MODELS) -> Given:
-    return Given(read_params(), project / PAIRS, models)
+def given(project: Path) -> Given:
+    return Given(read_params(), project / PAIRS, MODELS)
 
 
-def models_of(name: str) -> Path:
-    return (
-        Path("models/ablations") / name
-        if name in ("diffusion", "representation", "fusion")
-        else MODELS
-    )
+def evaluated(method: str) -> Tensor:
+    """The poses of the evaluation."""
+    params = read_params()
+    settings = load_settings(params, method, PAIRS, weights(method))
+    answers = answer_settings(params, settings, read_pairs(PAIRS, "test"))
+    return answers["paper"].T_target_source
 
 
 @pytest.mark.parametrize("name", ABLATIONS)
 def test_each_method_answers_all_pairs_under_each_value(project: Path, name: str) -> None:
-    test, answers = ABLATIONS[name](given(project, models_of(name)))
+    test, answers = ABLATIONS[name](given(project))
     assert list(answers) == METHODS.get(name, [CF, CB])
     for method, settings in answers.items():
         drawn_once = (name, method) == ("steps", CB)
@@ -64,25 +65,21 @@ def test_more_steps_another_sampler_and_another_draw_give_another_answer(project
 def test_the_walk_of_the_evaluation_gives_the_evaluation_s_answers(project: Path) -> None:
     params = read_params()
     _, answers = ablate_steps(given(project))
-    _, evaluated = evaluate_method(params, CF, project / PAIRS, MODELS / f"{CF}.safetensors")
     walk = answers[CF][f"steps={params.diffusion.steps},sampler={params.diffusion.sampler}"]
-    assert torch.equal(walk.T_target_source, evaluated["paper"].T_target_source)
+    assert torch.equal(walk.T_target_source, evaluated(CF))
 
 
 def test_one_hypothesis_is_the_evaluation(project: Path) -> None:
     _, answers = ABLATIONS["hypotheses"](given(project))
-    weights = MODELS / f"{CB}.safetensors"
-    _, evaluated = evaluate_method(read_params(), CB, project / PAIRS, weights)
     found = answers[CB]["hypotheses=1"].T_target_source
-    assert torch.equal(found, evaluated["paper"].T_target_source)
+    assert torch.equal(found, evaluated(CB))
 
 
 def test_without_diffusion_the_walk_does_not_matter(project: Path) -> None:
-    folder = Path("models/ablations/diffusion")
     params = read_params()
     longer = params.diffusion.model_copy(update={"steps": 4})
-    more = Given(params.model_copy(update={"diffusion": longer}), project / PAIRS, folder)
-    _, one = ABLATIONS["diffusion"](given(project, folder))
+    more = Given(params.model_copy(update={"diffusion": longer}), project / PAIRS, MODELS)
+    _, one = ABLATIONS["diffusion"](given(project))
     _, four = ABLATIONS["diffusion"](more)
     for method in (CF, CB):
         a, b = (found[method]["diffusion=without"].T_target_source for found in (one, four))
@@ -107,8 +104,10 @@ def test_noise_has_the_deviation_it_says_and_grows_from_the_same_draw(project: P
 @pytest.mark.parametrize("name", ["steps", "representation"])
 def test_refuses_a_folder_without_weights(project: Path, name: str) -> None:
     with pytest.raises(FileNotFoundError, match=r"\.safetensors, there are none: run train"):
-        ABLATIONS[name](given(project, project / "nowhere"))
+        ABLATIONS[name](Given(read_params(), project / PAIRS, project / "nowhere"))
 
 
 def test_dvc_yaml_runs_every_ablation() -> None:
-    assert set(read_templates()["ablate"]["foreach"]) == ABLATIONS.keys()
+    stages = [s for s in expand(read_repository_params()) if s.template.startswith("ablate")]
+    files = [Path(out) for stage in stages for out in stage.outs]
+    assert sorted(file.stem for file in files) == sorted(ABLATIONS)

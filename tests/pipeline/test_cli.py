@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -26,11 +27,18 @@ from pipeline.doctor import (
 from pipeline.housekeeping import SETTLING_SECONDS
 from pipeline.invocation import VARIABLE
 from pipeline.tracking import journals_folder
+from pipeline.yaml_files import read_yaml
+from tests.described import write_yaml
 
 REPOSITORY = Path(__file__).parents[2]
-QUICK = "# how many\nsteps: 1  # denoising\nsizes:\n- 1\n- 2\n"
+QUICK = (REPOSITORY / "profiles" / "quick.yaml").read_text(encoding="utf-8")
+OVERLAY = "# A longer walk.\n\n# What differs.\nprofile: longer\ndiffusion: {steps: 200}\n"
 VERBS = ("plan", "repro", "doctor", "clean", "mlflow sync", "real")
-PAPER = "# how many\nsteps: 200  # denoising\nsizes:\n- 1\n- 2\n"
+LONGER = re.sub(r"\A(?:#.*\n)+", "# A longer walk.\n", QUICK).replace(
+    "profile: quick", "profile: longer"
+)
+LONGER = LONGER.replace("  steps: 1   ", "  steps: 200 ", 1)
+"""The text of the profile: quick's, comments included."""
 
 
 @pytest.fixture(autouse=True)
@@ -43,7 +51,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "dvc.yaml").touch()
     (tmp_path / "profiles").mkdir()
     (tmp_path / "profiles" / "quick.yaml").write_text(QUICK)
-    (tmp_path / "profiles" / "paper.yaml").write_text(PAPER)
+    (tmp_path / "profiles" / "longer.yaml").write_text(OVERLAY)
     (tmp_path / "params.yaml").write_text(QUICK)
     return tmp_path
 
@@ -83,31 +91,33 @@ def test_as_many_stages_fit_as_cores_that_may_be_used(
     assert cli._fitting_jobs() == 32
 
 
-def test_a_profile_is_copied_with_its_comments_and_the_change_is_told(project: Path) -> None:
-    result = pcrdiff("profile", "paper")
+def test_a_profile_is_written_with_quicks_comments_and_the_change_is_told(project: Path) -> None:
+    result = pcrdiff("profile", "longer")
     assert result.exit_code == 0
-    assert (project / "params.yaml").read_text() == PAPER
+    assert (project / "params.yaml").read_text() == LONGER
     assert result.stdout.splitlines() == [
-        "steps: 1 -> 200",
-        "params.yaml is now paper: 1 values changed",
+        "diffusion.steps: 1 -> 200",
+        "profile: 'quick' -> 'longer'",
+        "params.yaml is now longer: 2 values changed",
     ]
-    assert pcrdiff("profile", "paper").stdout == "params.yaml is now paper: 0 values changed\n"
+    assert pcrdiff("profile", "longer").stdout == "params.yaml is now longer: 0 values changed\n"
 
 
 def test_a_profile_does_not_overwrite_values_of_your_own_unless_told_to(project: Path) -> None:
-    mine = QUICK.replace("steps: 1", "steps: 17")
+    mine = QUICK.replace("  steps: 1 ", "  steps: 17 ", 1)
     (project / "params.yaml").write_text(mine)
-    result = pcrdiff("profile", "paper")
+    result = pcrdiff("profile", "longer")
     assert result.exit_code == 1
     assert result.stderr.startswith("pcrdiff: params.yaml has values of its own")
     assert (project / "params.yaml").read_text() == mine
-    assert pcrdiff("profile", "paper", "--force").exit_code == 0
-    assert (project / "params.yaml").read_text() == PAPER
+    assert pcrdiff("profile", "longer", "--force").exit_code == 0
+    assert (project / "params.yaml").read_text() == LONGER
 
 
 def test_params_without_a_profiles_comments_are_still_that_profile(project: Path) -> None:
-    (project / "params.yaml").write_text("sizes: [1, 2]\nsteps: 1\n")
-    assert pcrdiff("profile", "paper").exit_code == 0
+    write_yaml(project / "params.yaml", read_yaml(project / "params.yaml"))
+    assert "#" not in (project / "params.yaml").read_text()
+    assert pcrdiff("profile", "longer").exit_code == 0
 
 
 def test_the_first_params_may_be_missing(project: Path) -> None:
@@ -121,7 +131,7 @@ def test_an_unknown_profile_is_one_sentence_that_names_the_known() -> None:
     assert result.exit_code == 1
     assert result.stderr.count("\n") == 1
     assert "no profile 'huge'" in result.stderr
-    assert "paper, quick" in result.stderr
+    assert "longer, quick" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -146,7 +156,7 @@ def test_what_is_too_large_is_one_sentence(
 
 def test_params_that_are_not_yaml_are_one_sentence(project: Path) -> None:
     (project / "params.yaml").write_text("steps: [")
-    result = pcrdiff("profile", "paper")
+    result = pcrdiff("profile", "longer")
     assert result.exit_code == 1
     assert "params.yaml is not YAML" in result.stderr
     assert result.stderr.count("\n") == 1
@@ -173,8 +183,15 @@ def test_the_ui_serves_this_projects_store_to_this_machine_only(
 ) -> None:
     asked: list[tuple[str, ...]] = []
     monkeypatch.setattr(cli, "become_module", lambda *words: asked.append(words))
-    monkeypatch.setattr("pipeline.mlflow_sync.open_store", lambda root: asked.append((str(root),)))
-    assert pcrdiff("mlflow", "ui", "--port", "5001").exit_code == 0
+
+    def open_store(root: Path) -> tuple[str, str]:
+        asked.append((str(root),))
+        return "client", "1"
+
+    monkeypatch.setattr("pipeline.mlflow_sync.open_store", open_store)
+    monkeypatch.setattr("pipeline.mlflow_runs.runs_page", lambda *store: "#/of/".join(store))
+    result = pcrdiff("mlflow", "ui", "--port", "5001")
+    assert (result.exit_code, result.stdout) == (0, "http://127.0.0.1:5001/client#/of/1\n")
     assert asked[0] == (str(project),), "the tables are made before the server may"
     words = " ".join(asked[1])
     assert words.startswith("mlflow server --host 127.0.0.1 --port 5001")

@@ -14,15 +14,15 @@ from pipeline.params import read_params
 from pipeline.timing import (
     COLUMNS,
     Cost,
+    mean_seconds,
     resident,
-    summarise,
-    time_method,
+    time_all,
     time_pairs,
     write_costs,
 )
 from tests.described import REPOSITORY
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
-from tests.tiny import CF, PAIRS, SCENARIO
+from tests.tiny import CF, PAIRS
 
 
 class Slow:
@@ -73,21 +73,46 @@ def test_memory_is_what_the_registration_needs_above_what_was_there() -> None:
     assert all(0 < float(mebibytes) < 40 for mebibytes in little.split())
 
 
-def test_a_method_is_timed_in_each_of_its_settings_on_as_many_pairs_as_asked(
+def test_every_method_is_timed_in_each_of_its_settings_on_as_many_pairs_as_asked(
     project: Path,
 ) -> None:
     params = read_params()
-    learned = time_method(params, CF, project / PAIRS, Path(f"models/{SCENARIO}/{CF}.safetensors"))
-    classical = time_method(params, "icp", project / PAIRS, None)
-    assert {name: len(costs) for name, costs in learned.items()} == {"paper": 2}
-    assert {name: len(costs) for name, costs in classical.items()} == {"paper": 2, "official": 2}
+    found = dict(time_all(params, project / PAIRS, Path("models")))
+    assert list(found) == [*params.run.classical, *params.run.diffused, *params.run.baselines]
+    assert {name: len(costs) for name, costs in found[CF].items()} == {"paper": 2}
+    assert {name: len(costs) for name, costs in found["icp"].items()} == {"paper": 2, "official": 2}
+
+
+ALONE = """
+import os
+from pipeline.timing import in_a_child
+def fail():
+    raise ValueError("no weights")
+print(len({os.getpid(), in_a_child(os.getpid), in_a_child(os.getpid)}))
+for work in (fail, lambda: os._exit(3)):
+    try:
+        in_a_child(work)
+    except (ValueError, RuntimeError) as error:
+        print(error)
+"""
+
+
+def test_each_method_is_timed_in_a_process_of_its_own_which_says_how_it_fails() -> None:
+    command = [sys.executable, "-c", ALONE]
+    done = subprocess.run(command, cwd=REPOSITORY, check=True, capture_output=True, text=True)
+    assert done.stdout.splitlines() == [
+        "3",
+        "no weights",
+        "a timed method ended its process, exit code 3",
+    ]
 
 
 def test_more_pairs_than_there_are_is_refused_in_a_sentence(project: Path) -> None:
     params = read_params()
     many = params.timing.model_copy(update={"pairs": 4000})
+    asked = params.model_copy(update={"timing": many})
     with pytest.raises(ValueError, match=r"timing.pairs needs at most the 3 test pairs, got 4000"):
-        time_method(params.model_copy(update={"timing": many}), "icp", project / PAIRS, None)
+        next(time_all(asked, project / PAIRS, Path("models")))
 
 
 def test_a_row_a_setting_and_pair_is_written_and_the_means_are_told(tmp_path: Path) -> None:
@@ -100,5 +125,4 @@ def test_a_row_a_setting_and_pair_is_written_and_the_means_are_told(tmp_path: Pa
         "1,paper,0.75,2.5",
         "0,official,1.0,0.0",
     ]
-    assert summarise(costs)["paper.seconds"] == 0.5
-    assert summarise(costs)["paper.peak_memory_mib"] == 2.0
+    assert mean_seconds(costs) == 0.5

@@ -9,7 +9,7 @@ from torch import Tensor
 from pcrdiff.geometry.precision import SearchPrecision, set_search_precision
 from pipeline.params import Params, read_params
 from pipeline.tracking import Journal
-from pipeline.training import CODE, Trained, train_method, training_params
+from pipeline.training import CODE, Task, Trained, fresh_poses, train_method, training_params
 from pipeline.variants import AS_IT_IS, Variant
 from tests.described import read_templates
 from tests.tiny import CB, CF, PAIRS, SCENARIO
@@ -31,7 +31,8 @@ class Forgetful:
 
 
 def train(params: Params, method: str = CF, variant: Variant = AS_IT_IS) -> Trained:
-    return train_method(params, SCENARIO, method, variant, PAIRS, Forgetful())
+    task = Task(SCENARIO, method, PAIRS, Path("nowhere"), variant)
+    return train_method(params, task, Forgetful())
 
 
 def changed(params: Params, section: str, **update: object) -> Params:
@@ -92,6 +93,13 @@ def test_the_seed_and_the_poses_reach_the_weights() -> None:
 
 
 @pytest.mark.usefixtures("project")
+def test_fresh_poses_stay_within_what_the_pair_file_says() -> None:
+    made = read_params().scenarios[SCENARIO]
+    fresh = fresh_poses(PAIRS)
+    assert (fresh.max_rotation, fresh.max_translation) == (made.max_rotation, made.max_translation)
+
+
+@pytest.mark.usefixtures("project")
 def test_auto_is_told_as_what_it_comes_to(processor: str) -> None:
     """So a checkpoint is not gone on with on another processor, and processes have to agree."""
     params = read_params().model_copy(update={"search_precision": "auto"})
@@ -111,9 +119,7 @@ def test_a_checkpoint_is_told_every_param_that_dvc_watches() -> None:
     """Or a training would go on from the checkpoint of another one."""
     params = read_params()
     told = training_params(params, SCENARIO, CF)
-    made = params.scenarios[SCENARIO]
     wider = params.methods.pcrdiffusion_cf.network.model_copy(update={"feature_dim": 32})
-    longer = params.training(SCENARIO, CF).model_copy(update={"epochs": 4})
     others = {
         "seed": params.model_copy(update={"seed": 8}),
         "threads": params.model_copy(update={"threads": 2}),
@@ -130,42 +136,30 @@ def test_a_checkpoint_is_told_every_param_that_dvc_watches() -> None:
             "methods",
             **{CF: params.methods.pcrdiffusion_cf.model_copy(update={"network": wider})},
         ),
-        "trainings.${key}.epochs": params.model_copy(
-            update={"trainings": {f"{SCENARIO}-{CF}": longer}}
-        ),
-        "scenarios.${item.scenario}.max_rotation_deg": params.model_copy(
-            update={"scenarios": {SCENARIO: made.model_copy(update={"max_rotation_deg": 10.0})}}
-        ),
-        "scenarios.${item.scenario}.max_translation": params.model_copy(
-            update={"scenarios": {SCENARIO: made.model_copy(update={"max_translation": 0.1})}}
+        "trainings.${item.method}.${item.scenario}": params.model_copy(
+            update={"trainings": {CF: {SCENARIO: 4}}}
         ),
     }
-    assert others.keys() == set(read_templates()["train"]["do"]["params"])
+    assert others.keys() == set(read_templates()["train"]["params"])
     unseen = [key for key, other in others.items() if training_params(other, SCENARIO, CF) == told]
     assert unseen == []
 
 
 def test_a_checkpoint_is_told_all_code_that_a_training_runs() -> None:
     """Of the deps of dvc.yaml only what cannot touch a half-done training is left out."""
-    deps = [Path(dep) for dep in read_templates()["train"]["do"]["deps"] if "${" not in dep]
+    deps = [Path(dep) for dep in read_templates()["train"]["deps"] if "${" not in dep]
     left_out = [d.as_posix() for d in deps if not any(d.is_relative_to(code) for code in CODE)]
-    assert left_out == [
-        "stages/train.py",  # writes when all is done
-        "pipeline/artifacts.py",  # reads pairs, whose bytes are told, and writes when all is done
-        "pipeline/machine.py",  # asks the machine for what `threads` and `search_precision` say
-        "pipeline/seeding.py",
-        "pipeline/variants.py",  # names what is varied, which is told
-    ]
+    assert left_out == ["stages/train.py"]  # names what is trained, which is told
 
 
 @pytest.mark.usefixtures("project")
-def test_the_journal_gets_the_curve_and_the_numbers(tmp_path: Path) -> None:
+def test_the_journal_gets_the_curve(tmp_path: Path) -> None:
     trained = train(read_params())
     notes = Journal(tmp_path / "journal")
-    trained.note(notes)
+    trained.note_curve(notes)
     notes.close("FINISHED")
     text = (tmp_path / "journal" / "journal.jsonl").read_text()
-    for name in ("train_loss", "learning_rate", "val_error_r_deg", "val_error_t", "parameters"):
+    for name in ("loss", "val_error_r_deg"):
         assert f'"{name}"' in text
     assert '"step": 2' in text
 
@@ -173,7 +167,9 @@ def test_the_journal_gets_the_curve_and_the_numbers(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("project")
 def test_refuses_a_missing_pair_file() -> None:
     with pytest.raises(FileNotFoundError, match=r"gone\.h5, there is none: run preprocess"):
-        train_method(read_params(), SCENARIO, CF, AS_IT_IS, Path("gone.h5"), Forgetful())
+        train_method(
+            read_params(), Task(SCENARIO, CF, Path("gone.h5"), Path("nowhere")), Forgetful()
+        )
 
 
 @pytest.mark.usefixtures("project")

@@ -11,7 +11,8 @@ from pcrdiff.models.pose_encoder import Diffusion
 from pcrdiff.models.pose_space import Scaling
 from pipeline import sections
 from pipeline.params import Params, read_params
-from pipeline.variants import TRAINED, parse_variant, setting_of, variants, weights_of
+from pipeline.profiles import profile_values
+from pipeline.variants import TRAINED, folder_of, setting_of, variants
 from tests.described import REPOSITORY, expand, read_repository_params
 
 
@@ -25,40 +26,33 @@ def test_dvc_yaml_trains_every_variant_into_the_file_it_is_read_from(
     params: Params, name: str
 ) -> None:
     wanted = {
-        (
-            method,
-            setting_of(variant),
-            weights_of(Path("models/ablations") / name, method, variant).as_posix(),
-        )
+        (variant[name], Path("models/ablations", name, folder_of(name, method, variant)).parent)
         for method, variant in variants(params.ablation, name)
     }
-    trained = set()
-    for stage in expand(read_repository_params()):
-        if stage.template == f"train_{name}":
-            told = dict(zip(stage.argv[::2], stage.argv[1::2], strict=True))
-            trained.add((told["--method"], told["--variant"], told["--weights"]))
+    trained = {
+        (stage.item["value"], Path(stage.outs[0]))
+        for stage in expand(read_repository_params())
+        if stage.template == f"train_{name}"
+    }
     assert trained == wanted
 
 
-def test_every_representation_is_there_in_each_scaling(params: Params) -> None:
+def test_every_representation_is_there_in_each_scaling() -> None:
+    params = Params.model_validate(profile_values(REPOSITORY, "tables"))
     found = {setting_of(variant) for _, variant in variants(params.ablation, "representation")}
     assert len(found) == 12
     assert "representation=dual_quaternion,scaling=standardised" in found
 
 
-def test_a_setting_says_the_variant() -> None:
+def test_a_setting_and_a_folder_say_the_variant() -> None:
     variant = {"representation": "euler", "scaling": "raw"}
     assert setting_of(variant) == "representation=euler,scaling=raw"
-    assert parse_variant(setting_of(variant)) == variant
-    assert parse_variant("") == {}
-    weights = weights_of(Path("there"), "pcrdiffusion_cb", variant)
-    assert weights == Path("there/pcrdiffusion_cb-euler-raw.safetensors")
-
-
-@pytest.mark.parametrize("setting", ["fusion", "fusion=", "=source", "fusion=source,"])
-def test_a_setting_that_is_none_is_refused(setting: str) -> None:
-    with pytest.raises(ValueError, match="a variant needs key=value"):
-        parse_variant(setting)
+    assert folder_of("representation", "pcrdiffusion_cb", variant) == Path(
+        "euler/pcrdiffusion_cb-raw"
+    )
+    assert folder_of("fusion", "pcrdiffusion_cf", {"fusion": "target"}) == Path(
+        "target/pcrdiffusion_cf"
+    )
 
 
 def test_params_yaml_knows_the_librarys_own_names() -> None:

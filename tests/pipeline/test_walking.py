@@ -15,7 +15,8 @@ from pipeline.walking import follow, follow_walks
 from pipeline.walks import read_walks, write_walks
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from tests.pcrdiff.methods.made_up_methods import make_cb, make_cf
-from tests.tiny import CF, PAIRS, SCENARIO
+from tests.tiny import CF, PAIRS
+from tests.tiny import weights as weights_file
 
 WALK = Walk(timesteps=20, steps=4, sampler="ddpm")
 
@@ -36,7 +37,7 @@ def test_the_last_prediction_is_the_registration(
 def test_walks_of_pairs_from_first_to_last_are_written_and_read_again(
     project: Path, tmp_path: Path
 ) -> None:
-    weights = Path(f"models/{SCENARIO}/{CF}.safetensors")
+    weights = weights_file(CF)
     walks = follow_walks(read_params(), CF, project / PAIRS, weights)
     assert [walk.pair for walk in walks] == [0, 2]
     assert all(len(walk.times) == 3 for walk in walks)

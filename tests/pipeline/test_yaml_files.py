@@ -9,7 +9,7 @@ from dvc.utils.serialize import load_yaml
 from pipeline.params import read_params
 from pipeline.profiles import changed_values
 from pipeline.restored import read_lock
-from pipeline.yaml_files import read_yaml
+from pipeline.yaml_files import read_mapping, read_yaml
 from tests.described import REPOSITORY, read_repository_params, write_yaml
 
 VALUES = {
@@ -51,7 +51,7 @@ def test_reads_a_value_as_dvc_does(tmp_path: Path, text: str) -> None:
     assert read_yaml(path) == load_yaml(path) == {"a": VALUES[text]}
 
 
-@pytest.mark.parametrize("name", ["quick", "cpu", "paper", "real"])
+@pytest.mark.parametrize("name", ["quick", "tables", "real", "paper"])
 def test_reads_a_profile_as_dvc_does(name: str) -> None:
     path = REPOSITORY / "profiles" / f"{name}.yaml"
     assert read_yaml(path) == load_yaml(path)
@@ -78,9 +78,15 @@ def test_a_seed_is_the_one_that_dvc_compares(tmp_path: Path) -> None:
 
 
 def test_a_profile_differs_where_dvc_sees_it_differ(tmp_path: Path) -> None:
-    (tmp_path / "new").write_text("a: 012\nb: 0.00001\nc: 'yes'\n")
-    (tmp_path / "old").write_text("a: 10\nb: 1e-5\nc: yes\n")
-    assert changed_values(tmp_path / "old", tmp_path / "new") == ["a: 10 -> 12"]
+    new = read_yaml(written(tmp_path, "a: 012\nb: 0.00001\nc: 'yes'\n"))
+    old = read_yaml(written(tmp_path, "a: 10\nb: 1e-5\nc: yes\n"))
+    assert changed_values(old, new) == ["a: 10 -> 12"]
+
+
+def test_a_mapping_is_read_and_what_is_none_is_refused_by_its_file(tmp_path: Path) -> None:
+    assert read_mapping(written(tmp_path, "a: {b: 1}\n")) == {"a": {"b": 1}}
+    with pytest.raises(ValueError, match=r"params\.yaml needs to be a mapping, got list$"):
+        read_mapping(written(tmp_path, "- 1\n"))
 
 
 def test_numbers_of_a_lock_are_numbers(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.tiny import CB, CF, SCENARIO, files_below, instance, refusal, run_instance
+from tests.tiny import CB, CF, SCENARIO, files_below, instance, refusal, run_instance, weights
 
 ANSWERS = Path("results/ablations/steps.csv")
 
@@ -17,7 +17,7 @@ def read_rows(path: Path) -> list[dict[str, str]]:
 
 @pytest.fixture(autouse=True)
 def ablated(project: Path) -> Path:
-    run_instance(instance("ablate@steps"))
+    run_instance(instance("ablate_steps"))
     return project
 
 
@@ -30,12 +30,12 @@ def test_there_is_a_row_a_pair_method_and_value() -> None:
 
 def test_writes_the_same_bytes_twice(ablated: Path) -> None:
     before = (ablated / ANSWERS).read_bytes()
-    run_instance(instance("ablate@steps"))
+    run_instance(instance("ablate_steps"))
     assert (ablated / ANSWERS).read_bytes() == before
 
 
 def test_the_unvaried_value_gives_the_rows_of_the_evaluation() -> None:
-    evaluated = read_rows(Path(f"results/{SCENARIO}/{CF}.csv"))
+    evaluated = read_rows(Path(f"results/{CF}/{SCENARIO}/{CF}.csv"))
     walk = (CF, "steps=1,sampler=ddpm")
     ablation = [r for r in read_rows(ANSWERS) if (r["method"], r["setting"]) == walk]
     for ours, theirs in zip(ablation, evaluated, strict=True):
@@ -44,18 +44,22 @@ def test_the_unvaried_value_gives_the_rows_of_the_evaluation() -> None:
 
 
 def test_weights_that_were_cut_are_refused_and_named(ablated: Path) -> None:
-    path = ablated / "models" / SCENARIO / f"{CB}.safetensors"
+    path = ablated / weights(CB)
     path.write_bytes(path.read_bytes()[:-8])
     (ablated / ANSWERS).unlink()
-    said = refusal("ablate", instance("ablate@steps").argv)
-    assert f"{CB}.safetensors is not a safetensors file" in said
+    said = refusal("ablate", instance("ablate_steps").argv)
+    assert f"{weights(CB)} is not a safetensors file" in said
     assert "ablations/steps.csv" not in files_below(ablated / "results")
 
 
-def test_a_name_that_no_ablation_has_ends_with_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    from stages.ablate import main
+def test_a_name_that_no_ablation_has_is_refused() -> None:
+    argv = ["--pairs", "a", "--models", "b", "--answers", "c/steps.csv", "c/luck.csv"]
+    assert "luck" in refusal("ablate", argv)
 
-    with pytest.raises(SystemExit) as stop:
-        main(["--name", "luck", "--pairs", "a", "--models", "b", "--answers", "c"])
-    assert stop.value.code == 2
-    assert "luck" in capsys.readouterr().err
+
+def test_every_ablation_of_a_stage_has_its_file(ablated: Path) -> None:
+    files = [ablated / path for name in ("ablate", "ablate_steps") for path in instance(name).outs]
+    before = {path: path.read_bytes() for path in files}
+    assert len(before) == 6
+    run_instance(instance("ablate"))
+    assert {path: path.read_bytes() for path in files} == before

@@ -33,7 +33,7 @@ def test_the_journal_tells_what_was_acquired(blank: Path) -> None:
     run_instance(instance("acquire@modelnet40"))
     (events,) = blank.glob(".pcrdiff/journal/*/journal.jsonl")
     start, *_, end = map(json.loads, events.read_text().splitlines())
-    assert (start["params"]["family"], start["params"]["source"]) == ("modelnet40", "local")
+    assert start["params"] == {"dataset": "modelnet40", "source": "local"}
     assert end["status"] == "FINISHED"
 
 

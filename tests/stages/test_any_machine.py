@@ -11,14 +11,17 @@ import pytest
 
 from tests.described import REPOSITORY
 from tests.pipeline.reporting.made_up_results import make_report_inputs, write_everything
-from tests.tiny import CF, SCENARIO, instance, lay_out, run_instance, standing_in
+from tests.tiny import CB, CF, SCENARIO, instance, lay_out, run_instance, standing_in
 
 STAGES = [
     "acquire@modelnet40",
     f"preprocess@{SCENARIO}",
     f"train@{SCENARIO}-{CF}",
-    f"evaluate@{SCENARIO}-{CF}",
-    f"time@{CF}",
+    f"train@{SCENARIO}-{CB}",
+    "train_baselines@pcrnet",
+    "train_baselines@rpmnet",
+    f"evaluate@{CF}",
+    "time",
 ]
 MEASURED = ("seconds", "peak_memory_mib")
 RUN = "import sys, tests.tiny as t; [t.run_instance(t.instance(name)) for name in sys.argv[1:]]"

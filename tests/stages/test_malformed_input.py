@@ -15,6 +15,7 @@ import pytest
 from pcrdiff.data import kitti, threedmatch
 from pcrdiff.data.off import read_off
 from tests.tiny import (
+    CB,
     CF,
     PAIRS,
     SCENARIO,
@@ -23,6 +24,7 @@ from tests.tiny import (
     refusal,
     run_instance,
     tiny_params,
+    weights,
     write_box,
     write_params,
 )
@@ -31,7 +33,7 @@ BY_ITEM = {"by": "item", "categories": "all", "val_fraction": 0.34, "test_fracti
 BY_ITEM |= {"val_groups": [], "test_groups": []}
 PREPROCESS = instance(f"preprocess@{SCENARIO}").argv
 TRAIN = instance(f"train@{SCENARIO}-{CF}").argv
-EVALUATE = instance(f"evaluate@{SCENARIO}-{CF}").argv
+EVALUATE = instance(f"evaluate@{CF}").argv
 
 
 def use_local(family: str, root: str, split: dict[str, Any] | None = None) -> None:
@@ -362,9 +364,8 @@ def test_a_pair_file_that_was_cut(
 
 
 def test_the_weights_of_another_method(project: Path) -> None:
-    models = project / "models" / SCENARIO
-    shutil.copy(models / "pcrdiffusion_cb.safetensors", models / f"{CF}.safetensors")
-    expected = f"{CF}.safetensors needs weights of {CF}, has pcrdiffusion_cb"
+    shutil.copy(project / weights(CB), project / weights(CF))
+    expected = f"{weights(CF)} needs weights of {CF}, has {CB}"
     assert_refused("evaluate", EVALUATE, expected)
 
 
@@ -382,11 +383,10 @@ def ended(stage: str, argv: list[str]) -> str:
 
 def test_a_process_ends_with_one_sentence_and_code_1(project: Path) -> None:
     (project / PAIRS).unlink()
-    for name in list(project.glob(f"results/{SCENARIO}/{CF}.*")):
-        name.unlink()
+    shutil.rmtree(project / "results" / CF)
     said = ended("evaluate", EVALUATE)
     assert said.endswith(f"a pair file is needed at {PAIRS}, there is none: run preprocess")
-    assert not list(project.glob(f"results/{SCENARIO}/*{CF}*"))
+    assert not (project / "results" / CF).exists()
 
 
 def test_a_process_names_the_scan_that_is_spoilt(blank: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from pcrdiff.geometry.precision import search_precision
 from tests.tiny import CF, SCENARIO, instance, run_instance, tiny_params, write_params
 
-LEARNED = [f"train@{SCENARIO}-{CF}", f"evaluate@{SCENARIO}-{CF}", "ablate@fusion", f"walk@{CF}"]
+LEARNED = [f"train@{SCENARIO}-{CF}", f"evaluate@{CF}", "ablate", "ablate_steps", "walk"]
 
 
 def journals() -> set[Path]:
@@ -16,7 +16,9 @@ def journals() -> set[Path]:
 
 
 @pytest.mark.usefixtures("project")
-@pytest.mark.parametrize("stage", [*LEARNED, f"time@{CF}"])
+@pytest.mark.parametrize(
+    "stage", [*LEARNED, "train_baselines@rpmnet", "evaluate_baselines@rpmnet", "time"]
+)
 def test_a_stage_searches_as_told_and_notes_it(stage: str, processor: str) -> None:
     write_params(tiny_params() | {"search_precision": "auto"})
     before = journals()

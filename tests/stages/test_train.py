@@ -22,20 +22,25 @@ from tests.tiny import (
     instance,
     run_instance,
     tiny_params,
+    weights,
     write_params,
 )
 
-FOLDER = Path("models") / SCENARIO
 CHECKPOINTS = Path(".pcrdiff") / "checkpoints"
+
+
+def folder(method: str) -> Path:
+    """Where a training writes."""
+    return weights(method).parent
 
 
 def outputs(method: str) -> dict[str, bytes]:
     """The bytes of all that a training writes."""
-    return {path.name: path.read_bytes() for path in sorted(FOLDER.glob(f"{method}.*"))}
+    return {path.name: path.read_bytes() for path in sorted(folder(method).glob("*"))}
 
 
 def forget(method: str) -> None:
-    for path in FOLDER.glob(f"{method}.*"):
+    for path in folder(method).glob("*"):
         path.unlink()
 
 
@@ -80,7 +85,7 @@ def counted_in(seen: list[int]) -> Callable[[Sequence[int], str], Iterable[int]]
 @pytest.mark.parametrize("method", [CF, CB])
 def test_the_same_params_write_the_same_bytes(method: str) -> None:
     before = outputs(method)
-    assert sorted(before) == [f"{method}.csv", f"{method}.json", f"{method}.safetensors"]
+    assert sorted(before) == ["curve.csv", "facts.json", "weights.safetensors"]
     forget(method)
     run_train(method)
     assert outputs(method) == before
@@ -108,8 +113,47 @@ def test_a_killed_training_goes_on_and_ends_with_the_same_bytes(
     assert files_below(project / CHECKPOINTS) == []
 
 
+@pytest.mark.parametrize("method", ["pcrnet", "rpmnet"])
+def test_a_baseline_writes_the_same_bytes_for_each_scenario_again(
+    project: Path, method: str
+) -> None:
+    before = outputs(method)
+    assert sorted(before) == ["curve.csv", "facts.json", "weights.safetensors"]
+    assert read_weights(project / weights(method), method)
+    forget(method)
+    run_instance(instance(f"train_baselines@{method}"))
+    assert outputs(method) == before
+
+
+def test_of_several_trainings_in_a_stage_those_that_were_done_go_on_from_their_end(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = sorted((project / "models" / "ablations" / "diffusion" / "with").rglob("*.*"))
+    before = {path: path.read_bytes() for path in files}
+    monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN", 0.0)
+    seen: list[int] = []
+
+    def bar(items: Sequence[int], description: str) -> Iterable[int]:
+        for item in counted_in(seen)(items, description):
+            if len(seen) == 4:  # the second epoch of the second of two trainings
+                raise Killed
+            yield item
+
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "bar", bar)
+        with pytest.raises(Killed):
+            run_instance(instance("train_diffusion@with"))
+    assert len(list(CHECKPOINTS.glob("*/latest.safetensors"))) == 2
+    again: list[int] = []
+    monkeypatch.setattr(training, "bar", counted_in(again))
+    run_instance(instance("train_diffusion@with"))
+    assert again == [1]
+    assert {path: path.read_bytes() for path in files} == before
+    assert files_below(project / CHECKPOINTS) == []
+
+
 def test_nothing_is_left_of_the_checkpoint_after_success(project: Path) -> None:
-    assert (project / FOLDER / f"{CF}.safetensors").is_file()
+    assert (project / weights(CF)).is_file()
     assert list((project / CHECKPOINTS).iterdir()) == []
 
 
@@ -135,10 +179,9 @@ def test_other_data_does_not_go_on_from_the_checkpoint_of_these(
 
 
 def test_the_weights_are_those_of_the_method_and_the_facts_and_curve_agree(project: Path) -> None:
-    facts = json.loads((project / FOLDER / f"{CF}.json").read_text())
-    curve = list(csv.DictReader((project / FOLDER / f"{CF}.csv").read_text().splitlines()))
-    weights = read_weights(FOLDER / f"{CF}.safetensors", CF)
-    assert len(weights) > 0
+    facts = json.loads((project / folder(CF) / "facts.json").read_text())
+    curve = list(csv.DictReader((project / folder(CF) / "curve.csv").read_text().splitlines()))
+    assert len(read_weights(weights(CF), CF)) > 0
     assert [row["epoch"] for row in curve] == ["0", "1", "2"]
     best = curve[facts["best_epoch"]]
     assert float(best["val_error_r_deg"]) == facts["val_error_r_deg"]
@@ -160,7 +203,7 @@ def run_two(module: str, *how: str) -> subprocess.CompletedProcess[str]:
 
 
 def curve_of(method: str) -> list[dict[str, float]]:
-    rows = csv.DictReader((FOLDER / f"{method}.csv").read_text().splitlines())
+    rows = csv.DictReader((folder(method) / "curve.csv").read_text().splitlines())
     return [{name: float(value) for name, value in row.items()} for row in rows]
 
 
@@ -179,7 +222,7 @@ def test_two_processes_train_as_one_does_and_go_on_when_killed_with_the_same_byt
     whole = outputs(CF)
     for ours, theirs in zip(curve_of(CF), alone, strict=True):
         assert ours == pytest.approx(theirs, rel=1e-3)
-    assert json.loads(whole[f"{CF}.json"])["devices"] == 2
+    assert json.loads(whole["facts.json"])["devices"] == 2
 
     forget(CF)
     killed = run_two("tests.stages.train_broken", "killed", "0")
