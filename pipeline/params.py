@@ -181,8 +181,9 @@ class Train(Section):
     pcrdiffusion_cb: Optimisation
 
 
-DIFFUSED = ("pcrdiffusion_cf", "pcrdiffusion_cb")
-"""The methods that walk a pose back from noise."""
+SHOWN = {"pcrdiffusion_cf": "cf", "pcrdiffusion_cb": "cb"}
+"""The methods that walk a pose back from noise, and what the headline numbers call them."""
+DIFFUSED = tuple(SHOWN)
 
 
 class Sampling(Section):
@@ -342,6 +343,11 @@ class Params(Section):
             ValueError: It is not trained there.
         """
         return pick(pick(self.trainings, method, "trainings"), scenario, f"trainings.{method}")
+
+
+def shown_scenario(name: str) -> str:
+    """What the headline numbers call a scenario."""
+    return name.removeprefix("modelnet40-")
 
 
 def learned_names() -> list[str]:

@@ -8,6 +8,7 @@ from typing import Any
 from pcrdiff.data.acquisition import MANIFEST, is_stale
 from pipeline.graph import Needs, ask_dvc, by_urgency, group_of, stage_needs, wanted
 from pipeline.locks import check_locks
+from pipeline.restored import read_lock
 from pipeline.yaml_files import read_yaml
 
 
@@ -45,11 +46,9 @@ def stale_manifests(root: Path) -> dict[str, Path]:
     Args:
         root: The project; the stages of its group ``acquire`` write such manifests.
     """
-    lock = root / "dvc.lock"
-    locked = (read_yaml(lock) or {}).get("stages", {}) if lock.is_file() else {}
     outs = {
         name: root / out["path"]
-        for name, entry in locked.items()
+        for name, entry in read_lock(root).items()
         if group_of(name) == "acquire"
         for out in entry.get("outs", ())
     }

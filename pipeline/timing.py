@@ -4,6 +4,7 @@ import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -52,20 +53,18 @@ def time_all(params: Params, pairs: Path, models: Path) -> Iterator[tuple[str, C
         )
     first = test.select(torch.arange(timing.pairs))
     for name, weights in timed_methods(params, models).items():
-
-        def work(name: str = name, weights: Path | None = weights) -> Costs:
-            return time_settings(load_settings(params, name, pairs, weights), first, timing.warm_up)
-
-        yield name, in_a_child(work)
+        load = partial(load_settings, params, name, pairs, weights)
+        yield name, in_a_child(partial(time_settings, load, first, timing.warm_up))
 
 
 def in_a_child(work: Callable[[], T]) -> T:
     """What ``work`` returns in a forked process.
 
-    Open3D must not be loaded before: its threads do not survive a fork.
+    Open3D must not be loaded before: its threads do not survive a fork. A new interpreter, as
+    ``pcrdiff.bindings.isolation`` has, would load PyTorch again for each method.
 
     Raises:
-        Exception: What ``work`` raised.
+        OSError, ValueError: What ``work`` raised.
         RuntimeError: The process ended before it could answer.
     """
     ours, theirs = FORK.Pipe(duplex=False)
@@ -89,7 +88,7 @@ def _send(work: Callable[[], object], answer: Connection) -> None:
     end_with_parent()
     try:
         answer.send(work())
-    except Exception as error:  # noqa: BLE001  the parent raises it
+    except (OSError, ValueError, RuntimeError) as error:
         answer.send(error)
 
 
@@ -103,9 +102,9 @@ def timed_methods(params: Params, models: Path) -> Mapping[str, Path | None]:
     return classical | {name: models / name / scenario / WEIGHTS for name in learned}
 
 
-def time_settings(settings: Mapping[str, Method], test: Pairs, warm_up: int) -> Costs:
-    """Time a method in each of its settings on the test pairs, one by one."""
-    before = resident("VmRSS")
+def time_settings(load: Callable[[], Mapping[str, Method]], test: Pairs, warm_up: int) -> Costs:
+    """Load a method and time it in each of its settings on the test pairs, one by one."""
+    settings, before = load(), resident("VmRSS")
     return {name: time_pairs(method, test, warm_up, before) for name, method in settings.items()}
 
 

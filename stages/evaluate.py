@@ -8,7 +8,7 @@ from pcrdiff.geometry.precision import search_precision
 from pipeline.artifacts import WEIGHTS, read_pairs, write_estimates
 from pipeline.evaluating import answer_settings, headline, load_settings, mean_error_r_deg
 from pipeline.machine import settle
-from pipeline.params import DIFFUSED, pick, read_params
+from pipeline.params import SHOWN, pick, read_params, shown_scenario
 from pipeline.stage import run
 from pipeline.tracking import journal
 
@@ -25,7 +25,7 @@ def main(argv: list[str] | None = None) -> None:
     params = read_params()
     settle(params.threads, params.search_precision)
     told = {"search_precision": search_precision(), "method": args.method}
-    if args.method in DIFFUSED:
+    if args.method in SHOWN:
         told |= {key: str(value) for key, value in params.diffusion.model_dump().items()}
     with journal(params=told, inputs=[args.pairs, args.models]) as notes:
         errors = {}
@@ -42,12 +42,9 @@ def main(argv: list[str] | None = None) -> None:
 
 def shown_errors(method: str, errors: Mapping[str, float]) -> dict[str, float]:
     """What MLflow shows: of CF and CB the report's numbers, of others their mean over scenarios."""
-    if method not in DIFFUSED:
+    if method not in SHOWN:
         return {method: sum(errors.values()) / len(errors)}
-    return {
-        f"{method.removeprefix('pcrdiffusion_')}.{scenario.removeprefix('modelnet40-')}": error
-        for scenario, error in errors.items()
-    }
+    return {f"{SHOWN[method]}.{shown_scenario(name)}": error for name, error in errors.items()}
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pcrdiff.geometry.precision import search_precision
 from pipeline.machine import settle
-from pipeline.params import DIFFUSED, read_params
+from pipeline.params import SHOWN, read_params
 from pipeline.stage import run
 from pipeline.timing import mean_seconds, time_all, write_costs
 from pipeline.tracking import journal
@@ -25,10 +25,8 @@ def main(argv: list[str] | None = None) -> None:
     with journal(params=told, inputs=[args.pairs]) as notes:
         for name, costs in time_all(params, args.pairs, args.models):
             write_costs(args.costs / f"{name}.csv", costs)
-            if name in DIFFUSED:
-                notes.metrics(
-                    {f"{name.removeprefix('pcrdiffusion_')}.seconds": mean_seconds(costs)}
-                )
+            if name in SHOWN:
+                notes.metrics({f"{SHOWN[name]}.seconds": mean_seconds(costs)})
         notes.artifact(args.costs)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaincinv
 
+from pipeline.params import SHOWN, shown_scenario
 from pipeline.reporting.background import PairFacts, Training
 from pipeline.reporting.contrasts import DRAW
 from pipeline.reporting.paper import (
@@ -341,11 +342,10 @@ def main_rows(rows: Iterable[Row], metric: str) -> dict[tuple[str, str], Row]:
 
 def summarise(rows: Iterable[Row]) -> dict[str, dict[str, float]]:
     """Pick the mean ERROR(R) [deg] of CF and CB on each scenario, to four digits."""
-    summary: dict[str, dict[str, float]] = {"cf": {}, "cb": {}}
+    summary: dict[str, dict[str, float]] = {name: {} for name in SHOWN.values()}
     for (scenario, method), row in main_rows(rows, "error_r_deg").items():
-        _, _, ours = method.partition("pcrdiffusion_")
-        if ours in summary:
-            summary[ours][scenario.removeprefix("modelnet40-")] = float(f"{row.value:.4g}")
+        if method in SHOWN:
+            summary[SHOWN[method]][shown_scenario(scenario)] = float(f"{row.value:.4g}")
     return summary
 
 

@@ -104,23 +104,16 @@ def test_stages_write_the_same_bytes_on_an_odd_machine_in(
 
 @pytest.mark.slow
 def test_the_report_is_the_same_bytes_on_an_odd_machine(
-    tmp_path: Path, repository: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, report_project: Path
 ) -> None:
-    from pipeline.mlflow_sync import SyncReport
     from stages.report import main
 
-    project = tmp_path / "project"
-    project.mkdir()
-    shutil.copy(repository / "params.yaml", project)
-    monkeypatch.chdir(project)
-    monkeypatch.setenv("DVC_ROOT", str(project))
-    monkeypatch.setattr("stages.report.sync_after_report", lambda: SyncReport("nowhere"))
     write_everything(tmp_path, ("kitti",), 4)
     main(make_report_inputs(tmp_path))
     reports = tmp_path / "reports"
     before = {file: file.read_bytes() for file in reports.rglob("*") if file.is_file()}
     shutil.rmtree(reports)
-    run_oddly(project, REPORT, *make_report_inputs(tmp_path))
+    run_oddly(report_project, REPORT, *make_report_inputs(tmp_path))
     after = {file: file.read_bytes() for file in reports.rglob("*") if file.is_file()}
     assert after == before
     assert len(before) > 5

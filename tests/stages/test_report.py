@@ -1,12 +1,10 @@
 """The report stage, end to end on made-up results."""
 
 import json
-import shutil
 from pathlib import Path
 
 import pytest
 
-from pipeline.mlflow_sync import SyncReport
 from pipeline.reporting.tables import parse_rows
 from stages.report import main
 from tests.pipeline.reporting.made_up_results import (
@@ -28,15 +26,7 @@ FILES = [
 ]
 
 
-@pytest.fixture(autouse=True)
-def in_a_project(tmp_path: Path, repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The stage runs where a params.yaml is, and MLflow is not asked."""
-    project = tmp_path / "project"
-    project.mkdir()
-    shutil.copy(repository / "params.yaml", project)
-    monkeypatch.chdir(project)
-    monkeypatch.setenv("DVC_ROOT", str(project))
-    monkeypatch.setattr("stages.report.sync_after_report", lambda: SyncReport("nowhere"))
+pytestmark = pytest.mark.usefixtures("report_project")
 
 
 def contents(folder: Path) -> dict[str, bytes]:
