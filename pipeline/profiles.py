@@ -1,4 +1,4 @@
-"""Profiles: ``profiles/quick.yaml`` is a whole params.yaml, the others say what differs from it."""
+"""Profiles: ``profiles/quick.yaml`` is a whole params.yaml, the others say what differs from another."""
 
 from collections.abc import Mapping
 from io import StringIO
@@ -12,8 +12,10 @@ from pipeline.params import Params, check_params
 from pipeline.yaml_files import read_mapping
 
 BASE = "quick"
+EXTENDS = "extends"
+"""The key under which a profile names the one that it differs from, if that is not ``BASE``."""
 WITHOUT = "without"
-"""The key under which a profile lists keys of ``BASE``, as ``a.b.c``, that are removed first."""
+"""The key under which it lists keys of that one, as ``a.b.c``, that are removed first."""
 
 Values = dict[str, Any]
 
@@ -26,8 +28,8 @@ def profile_names(root: Path) -> list[str]:
 def profile_values(root: Path, name: str) -> Values:
     """Return the values of params.yaml under a profile.
 
-    They are those of ``BASE`` without the keys that the profile lists under ``WITHOUT``, and with
-    its own values: mappings are merged key by key, lists and other values replaced.
+    They are those of the profile that it extends without the keys that it lists under ``WITHOUT``,
+    and with its own values: mappings are merged key by key, lists and other values replaced.
 
     Args:
         root: The project.
@@ -35,8 +37,8 @@ def profile_values(root: Path, name: str) -> Values:
 
     Raises:
         FileNotFoundError: There is no such profile.
-        ValueError: The profile is no mapping, removes what ``BASE`` has not, or the values are not
-            those of a params.yaml.
+        ValueError: The profile is no mapping, extends itself, removes what is not there, or the
+            values are not those of a params.yaml.
     """
     values = _merged(root, name)
     check_params(values, _path(root, name))
@@ -95,16 +97,20 @@ def _path(root: Path, name: str) -> Path:
     return root / "profiles" / f"{name}.yaml"
 
 
-def _merged(root: Path, name: str) -> Values:
-    values, path = read_mapping(_path(root, BASE)), _path(root, name)
-    if name != BASE:
-        overlay = read_mapping(path)
-        removed = overlay.pop(WITHOUT, [])
-        if not isinstance(removed, list):
-            raise ValueError(f"{path}: {WITHOUT} needs a list of keys, got {removed!r}")
-        for key in map(str, removed):
-            _remove(values, key, path)
-        _merge(values, overlay)
+def _merged(root: Path, name: str, extending: tuple[str, ...] = ()) -> Values:
+    path = _path(root, name)
+    overlay = read_mapping(path)
+    if name == BASE:
+        return overlay
+    if name in extending:
+        raise ValueError(f"{path}: {EXTENDS} needs another profile, it leads back to {name}")
+    values = _merged(root, str(overlay.pop(EXTENDS, BASE)), (*extending, name))
+    removed = overlay.pop(WITHOUT, [])
+    if not isinstance(removed, list):
+        raise ValueError(f"{path}: {WITHOUT} needs a list of keys, got {removed!r}")
+    for key in map(str, removed):
+        _remove(values, key, path)
+    _merge(values, overlay)
     return values
 
 
@@ -114,7 +120,7 @@ def _remove(values: Values, key: str, path: Path) -> None:
     for part in outer:
         section = section.get(part) if isinstance(section, dict) else None
     if not isinstance(section, dict) or last not in section:
-        raise ValueError(f"{path}: {WITHOUT} needs keys of profiles/{BASE}.yaml, got {key!r}")
+        raise ValueError(f"{path}: {WITHOUT} needs keys of the profile it extends, got {key!r}")
     del section[last]
 
 

@@ -62,6 +62,25 @@ def test_keys_of_quick_can_be_removed_and_a_section_so_replaced(root: Path) -> N
     assert values.keys() == quick.keys()
 
 
+def test_a_profile_can_extend_another_than_quick(root: Path) -> None:
+    mine(
+        root, "extends: tables\nprofile: mine\nwithout: [trainings.egst]\nrun: {baselines: [fmr]}\n"
+    )
+    tables, values = profile_values(root, "tables"), profile_values(root, "mine")
+    assert values["methods"] == tables["methods"] != read_yaml(QUICK)["methods"]
+    assert values["trainings"] | {"egst": tables["trainings"]["egst"]} == tables["trainings"]
+    assert values["run"] == tables["run"] | {"baselines": ["fmr"]}
+
+
+def test_a_profile_that_leads_back_to_itself_is_refused(root: Path) -> None:
+    mine(root, "extends: other\n")
+    (root / "profiles" / "other.yaml").write_text("extends: mine\n")
+    with pytest.raises(
+        ValueError, match=r"mine\.yaml: extends needs another profile, it leads back"
+    ):
+        profile_values(root, "mine")
+
+
 REFUSED = {
     "diffusion: {stepps: 4}": "diffusion.stepps: Extra inputs are not permitted, got 4",
     "diffusionn: {steps: 4}": "diffusionn: Extra inputs are not permitted",
@@ -69,12 +88,18 @@ REFUSED = {
     "diffusion: 4": "diffusion: Input should be a valid dictionary or instance of Diffusion, got 4",
     "seed: null": "seed: Input should be a valid integer, got None",
     "without: [diffusion.steps]": "diffusion.steps: Field required",
-    "without: [diffusion.stepps]": "without needs keys of profiles/quick.yaml, got 'diffusion.stepps'",
-    "without: [seed.of]": "without needs keys of profiles/quick.yaml, got 'seed.of'",
-    "without: [7]": "without needs keys of profiles/quick.yaml, got '7'",
+    "without: [diffusion.stepps]": "without needs keys of the profile it extends, got 'diffusion.stepps'",
+    "without: [seed.of]": "without needs keys of the profile it extends, got 'seed.of'",
+    "without: [7]": "without needs keys of the profile it extends, got '7'",
     "without: seed": "without needs a list of keys, got 'seed'",
     "without: null": "without needs a list of keys, got None",
 }
+
+
+def test_a_profile_that_extends_none_there_is_is_refused(root: Path) -> None:
+    mine(root, "extends: tabels\n")
+    with pytest.raises(FileNotFoundError, match=r"no profile 'tabels' in .*; there are: mine"):
+        profile_values(root, "mine")
 
 
 @pytest.mark.parametrize("text", REFUSED)
