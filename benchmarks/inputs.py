@@ -7,8 +7,8 @@ from tempfile import TemporaryDirectory
 from pcrdiff.registration import Pairs
 from pipeline.artifacts import WEIGHTS, read_pairs, write_pairs
 from pipeline.params import PairCounts, Params
-from pipeline.preprocessing import preprocess
 from pipeline.profiles import read_profile
+from stages.preprocess import preprocess
 
 SCENARIO = "modelnet40-gaussian_noise"
 PROJECT = Path()

@@ -11,12 +11,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.data.corruption import draw_pose
+from pcrdiff.geometry.random_pose import draw_pose
 from pcrdiff.geometry.rigid import transform
 from pipeline.building import build_learned, settings_of
-from pipeline.machine import settle
+from pipeline.machine import resident, settle
 from pipeline.params import read_params
-from pipeline.timing import resident
 
 POINTS = (512, 1024, 2048, 4096, 8192, 16384)
 SEMI_AXES = (0.9, 0.6, 0.4)  # of the ellipsoid that is registered

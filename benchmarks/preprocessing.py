@@ -20,10 +20,10 @@ from pcrdiff.data.raw import RawItem
 from pcrdiff.data.scenarios import Corruption, make_pairs
 from pcrdiff.data.synthetic.modelnet40 import write_modelnet40
 from pipeline.artifacts import Streamed, write_pairs
+from pipeline.machine import forget_peak, resident
 from pipeline.params import Compute
 from pipeline.progress import bar
 from pipeline.spreading import spread_over
-from pipeline.timing import forget_peak, resident
 
 NUM_POINTS, WORKERS = 2048, 2
 REAL_TIMES = 12  # there are few real ones at hand

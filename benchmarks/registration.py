@@ -14,8 +14,7 @@ from benchmarks.measuring import Comparison, summarise, time_of
 from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.benchmark_files import Latency
-from pipeline.building import build_classical, settings_of
-from pipeline.evaluating import load_learned
+from pipeline.building import build_classical, load_learned, settings_of
 from pipeline.params import Params
 from pipeline.progress import bar
 

@@ -17,7 +17,7 @@ from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.registration import Pairs
 from pipeline.building import build_untrained
 from pipeline.params import Params
-from pipeline.training import VALIDATION_WALK
+from stages.train import VALIDATION_WALK
 
 WARM_UP = 2
 CLIP = 10.0

@@ -10,9 +10,9 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from pcrdiff.data.corruption import draw_pose
 from pcrdiff.diffusion.shares import Share, SharedGenerator
 from pcrdiff.geometry.metrics import error_r_deg, error_t
+from pcrdiff.geometry.random_pose import draw_pose
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.processes import ALONE, Loss, Processes
 from pcrdiff.progress import Progress, silent

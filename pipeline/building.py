@@ -1,9 +1,10 @@
-"""From params to methods: the one place that knows all of their names.
+"""From params and weights to methods: the one place that knows all of their names.
 
 Open3D is imported only where a method asks for it; it takes a second that training can spare.
 """
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.methods.constant import Constant
@@ -19,8 +20,9 @@ from pcrdiff.methods.pcrnet import PCRNet
 from pcrdiff.methods.pointnetlk import PointNetLK
 from pcrdiff.methods.rpmnet import RPMNet
 from pcrdiff.registration import LearnedMethod, Method, Pairs
+from pipeline.artifacts import read_pairs, read_weights
 from pipeline.method_params import AnyLearned, Methods
-from pipeline.params import DIFFUSED, Diffusion
+from pipeline.params import DIFFUSED, Diffusion, Params
 from pipeline.sections import Section, SettingName
 from pipeline.variants import AS_IT_IS, Variant
 
@@ -36,6 +38,9 @@ LEARNED: Mapping[str, Callable[..., LearnedMethod]] = {
     "pcrdiffusion_cf": PCRDiffusionCF,
     "pcrdiffusion_cb": PCRDiffusionCB,
 }
+
+Diffused = PCRDiffusionCF | PCRDiffusionCB
+"""The methods that walk a pose back from noise."""
 
 
 def settings_of(name: str, methods: Methods) -> list[SettingName]:
@@ -109,11 +114,11 @@ def build_classical(
     Raises:
         ValueError: No such method.
     """
+    sections: Mapping[str, Section] = getattr(methods, name, {})
     if name == "constant":
         mean = Constant(train().T_target_source)
-        return dict.fromkeys(methods.constant, mean)
+        return dict.fromkeys(sections, mean)
     make = _classical(name)
-    sections: Mapping[str, Section] = getattr(methods, name)
     return {setting: make(**given.model_dump()) for setting, given in sections.items()}
 
 
@@ -154,3 +159,53 @@ def _classical(name: str) -> Callable[..., Method]:  # noqa: C901 - a case a met
 
             return KISSMatcher
     raise ValueError(f"no classical method is called {name!r}")
+
+
+def load_settings(
+    params: Params, name: str, pairs: Path, weights: Path | None
+) -> Mapping[str, Method]:
+    """A method, ready to register, in each of its settings; ``weights`` are a learned method's.
+
+    Raises:
+        FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
+    """
+    if weights is None:
+        return build_classical(name, params.methods, lambda: read_pairs(pairs, "train"))
+    return {
+        setting: load_learned(name, setting, params.methods, params.diffusion, weights)
+        for setting in settings_of(name, params.methods)
+    }
+
+
+def load_learned(
+    name: str,
+    setting: SettingName,
+    methods: Methods,
+    diffusion: Diffusion,
+    weights: Path,
+    variant: Variant = AS_IT_IS,
+) -> LearnedMethod:
+    """A trained method, in one setting of the tables.
+
+    Raises:
+        FileNotFoundError, ValueError: The weights are not there, or are those of another network.
+    """
+    method = build_learned(name, setting, methods, diffusion, variant)
+    try:
+        method.load_state_dict(read_weights(weights, name))
+    except RuntimeError as error:
+        raise ValueError(f"{weights} does not fit {name} as params.yaml has it: {error}") from error
+    return method.eval()
+
+
+def load_diffused(name: str, methods: Methods, diffusion: Diffusion, weights: Path) -> Diffused:
+    """A trained method that walks back from noise.
+
+    Raises:
+        FileNotFoundError, ValueError: The weights are not there, or are those of another network,
+            or the method does not walk.
+    """
+    method = load_learned(name, "paper", methods, diffusion, weights)
+    if not isinstance(method, Diffused):
+        raise ValueError(f"{name} does not walk back from noise")
+    return method

@@ -1,36 +1,14 @@
 """Running a method, in each of its settings, over the test pairs of one scenario."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 from pcrdiff.evaluation import Estimates, Task, evaluate_all
 from pcrdiff.geometry.metrics import error_r_deg
-from pcrdiff.registration import LearnedMethod, Method, Pairs
-from pipeline.artifacts import read_pairs, read_weights
-from pipeline.building import build_classical, build_learned, settings_of
-from pipeline.method_params import Methods
-from pipeline.params import Diffusion, Params
+from pcrdiff.registration import Method, Pairs
+from pipeline.params import Params
 from pipeline.progress import bar
-from pipeline.sections import SettingName
 from pipeline.seeding import stream
 from pipeline.spreading import spread_over
-from pipeline.variants import AS_IT_IS, Variant
-
-
-def load_settings(
-    params: Params, name: str, pairs: Path, weights: Path | None
-) -> Mapping[str, Method]:
-    """A method, ready to register, in each of its settings; ``weights`` are a learned method's.
-
-    Raises:
-        FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
-    """
-    if weights is None:
-        return build_classical(name, params.methods, lambda: read_pairs(pairs, "train"))
-    return {
-        setting: load_learned(name, setting, params.methods, params.diffusion, weights)
-        for setting in settings_of(name, params.methods)
-    }
 
 
 def answer_settings(
@@ -60,27 +38,6 @@ def answer_all(
     spread = spread_over(params.compute, params.threads)
     found = evaluate_all(tasks, test, progress=bar, spread=spread)
     return dict(zip(drawn, found, strict=True))
-
-
-def load_learned(
-    name: str,
-    setting: SettingName,
-    methods: Methods,
-    diffusion: Diffusion,
-    weights: Path,
-    variant: Variant = AS_IT_IS,
-) -> LearnedMethod:
-    """A trained method, in one setting of the tables.
-
-    Raises:
-        FileNotFoundError, ValueError: The weights are not there, or are those of another network.
-    """
-    method = build_learned(name, setting, methods, diffusion, variant)
-    try:
-        method.load_state_dict(read_weights(weights, name))
-    except RuntimeError as error:
-        raise ValueError(f"{weights} does not fit {name} as params.yaml has it: {error}") from error
-    return method.eval()
 
 
 def mean_error_r_deg(test: Pairs, given: Estimates) -> float:

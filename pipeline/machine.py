@@ -2,8 +2,10 @@
 
 import ctypes
 import os
+import re
 import signal
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -42,3 +44,21 @@ def end_with_parent(number: int = signal.SIGKILL) -> None:
     """Let this process be sent a signal when the one that started it dies, however that dies."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
+
+
+def resident(which: str) -> float:
+    """Resident memory of this process in MiB, now (``VmRSS``) or at its highest (``VmHWM``).
+
+    Raises:
+        FileNotFoundError: The system has no ``/proc``.
+    """
+    status = Path("/proc/self/status").read_text(encoding="utf-8", errors="replace")
+    found = re.search(rf"^{which}:\s+(\d+) kB$", status, re.MULTILINE)
+    if found is None:
+        raise ValueError(f"/proc/self/status needs a line {which}, it has none")
+    return int(found[1]) / 1024
+
+
+def forget_peak() -> None:
+    """Let the highest resident memory be counted from now on."""
+    Path("/proc/self/clear_refs").write_text("5", encoding="ascii")

@@ -159,25 +159,25 @@ AnyLearned = Learned[Section, Section]
 
 
 class Methods(Section):
-    """One section a method, by its name in the tables."""
+    """The methods, by their names in the tables; those that a profile does not run may be left out."""
 
-    identity: dict[SettingName, NoSetting]
-    constant: dict[SettingName, NoSetting]
-    icp_centroid: dict[SettingName, ICPSetting]
-    icp: dict[SettingName, ICPSetting]
-    trimmed_icp: dict[SettingName, TrimmedICPSetting]
-    gicp: dict[SettingName, ICPSetting]
-    fgr: dict[SettingName, FGRSetting]
-    ransac_fpfh: dict[SettingName, FeatureSetting]
-    small_gicp: dict[SettingName, SmallGICPSetting]
-    kiss_matcher: dict[SettingName, KISSMatcherSetting]
-    pointnetlk: Learned[LucasKanade, Updates]
-    pcrnet: Learned[RepeatedRegression, Updates]
-    deepgmr: Learned[Mixture, NoSetting]
-    dcp_v1: Learned[Graph, NoSetting]
-    dcp_v2: Learned[Graph, NoSetting]
-    fmr: Learned[DecodedLucasKanade, Updates]
-    rpmnet: Learned[RepeatedMatching, Updates]
-    egst: Learned[RepeatedMatching, Updates]
+    identity: dict[SettingName, NoSetting] | None = None
+    constant: dict[SettingName, NoSetting] | None = None
+    icp_centroid: dict[SettingName, ICPSetting] | None = None
+    icp: dict[SettingName, ICPSetting] | None = None
+    trimmed_icp: dict[SettingName, TrimmedICPSetting] | None = None
+    gicp: dict[SettingName, ICPSetting] | None = None
+    fgr: dict[SettingName, FGRSetting] | None = None
+    ransac_fpfh: dict[SettingName, FeatureSetting] | None = None
+    small_gicp: dict[SettingName, SmallGICPSetting] | None = None
+    kiss_matcher: dict[SettingName, KISSMatcherSetting] | None = None
+    pointnetlk: Learned[LucasKanade, Updates] | None = None
+    pcrnet: Learned[RepeatedRegression, Updates] | None = None
+    deepgmr: Learned[Mixture, NoSetting] | None = None
+    dcp_v1: Learned[Graph, NoSetting] | None = None
+    dcp_v2: Learned[Graph, NoSetting] | None = None
+    fmr: Learned[DecodedLucasKanade, Updates] | None = None
+    rpmnet: Learned[RepeatedMatching, Updates] | None = None
+    egst: Learned[RepeatedMatching, Updates] | None = None
     pcrdiffusion_cf: Learned[CorrespondenceFree, NoSetting]
     pcrdiffusion_cb: Learned[CorrespondenceBased, NoSetting]

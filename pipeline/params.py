@@ -162,21 +162,21 @@ class Optimisation(Section):
 
 
 class Train(Section):
-    """Training, one section per learned method."""
+    """Training, one section for each learned method that is trained."""
 
     devices: Workers
     """Processes on each host, each with a batch of its own; on GPUs where there are any."""
     nodes: Workers
     """Hosts."""
     poses: Literal["fixed", "fresh"]
-    pointnetlk: Optimisation
-    pcrnet: Optimisation
-    deepgmr: Optimisation
-    dcp_v1: Optimisation
-    dcp_v2: Optimisation
-    fmr: Optimisation
-    rpmnet: Optimisation
-    egst: Optimisation
+    pointnetlk: Optimisation | None = None
+    pcrnet: Optimisation | None = None
+    deepgmr: Optimisation | None = None
+    dcp_v1: Optimisation | None = None
+    dcp_v2: Optimisation | None = None
+    fmr: Optimisation | None = None
+    rpmnet: Optimisation | None = None
+    egst: Optimisation | None = None
     pcrdiffusion_cf: Optimisation
     pcrdiffusion_cb: Optimisation
 
@@ -199,7 +199,7 @@ class Noise(Section):
 
     scenario: str
     """On whose pairs the learned methods were trained."""
-    methods: Listed[str]
+    methods: Distinct[str]
     deviations: Listed[Length]
 
 
@@ -219,10 +219,12 @@ class Ablation(Section):
     scenario: str
     methods: Listed[str]
     epochs: dict[str, Count]
-    diffusions: Listed[WithOrWithout]
+    diffusions: Distinct[WithOrWithout]
+    """Others than the networks' own, which is trained with the representations."""
     representations: Listed[Representation]
     scalings: Listed[Scaling]
-    fusions: Listed[Fusion]
+    fusions: Distinct[Fusion]
+    """Others than CF's own."""
     steps: Listed[Count]
     sampling: Sampling
     hypotheses: Listed[Count]
@@ -295,13 +297,40 @@ class Params(Section):
         _check_methods("run.classical", self.run.classical, classical_names())
         _check_methods("ablation.methods", self.ablation.methods, DIFFUSED)
         _check_methods("ablation.noise.methods", self.ablation.noise.methods, _all_names())
+        self._check_sections()
         self._check_ablated_methods()
+
+    def _check_sections(self) -> None:
+        """What is run has its section in ``methods``, what is trained in ``train`` too."""
+        run = self.run
+        for method in (*run.diffused, *run.baselines, *run.classical, *self.ablation.noise.methods):
+            for name in ("methods", "train") if method in learned_names() else ("methods",):
+                if getattr(getattr(self, name), method) is None:
+                    raise ValueError(f"{method} needs a section {name}.{method}, there is none")
 
     def _check_ablated_methods(self) -> None:
         for method in self.ablation.methods:
             for name, given in self._told_by_method().items():
                 if method not in given:
                     raise ValueError(f"{name} needs a number for {method}, has {sorted(given)}")
+            self._check_varied(method)
+
+    def _check_varied(self, method: str) -> None:
+        """The method as it is is trained once, as one of the representations in one scaling."""
+        network, ablation = getattr(self.methods, method).network, self.ablation
+        where = f"methods.{method}.network"
+        for key, listed in (("representation", "representations"), ("scaling", "scalings")):
+            own = getattr(network, key)
+            if own not in getattr(ablation, listed):
+                raise ValueError(
+                    f"ablation.{listed} needs {where}.{key} among them, which is {own}"
+                )
+        for key, listed in (("diffusion", "diffusions"), ("fusion", "fusions")):
+            own = getattr(network, key, None)
+            if own in getattr(ablation, listed):
+                raise ValueError(
+                    f"ablation.{listed} needs others than {where}.{key}, which is {own}"
+                )
 
     def _told_by_method(self) -> dict[str, dict[str, Count]]:
         """What an ablation says of each of its methods."""
@@ -353,7 +382,9 @@ def shown_scenario(name: str) -> str:
 def learned_names() -> list[str]:
     """The methods that are trained."""
     return sorted(
-        name for name, field in Train.model_fields.items() if field.annotation is Optimisation
+        name
+        for name, field in Train.model_fields.items()
+        if field.annotation in (Optimisation, Optimisation | None)
     )
 
 

@@ -27,14 +27,8 @@ SettingName = Literal["paper", "official"]
 """The paper's iteration counts, or the authors' own settings."""
 
 
-TAKEN = ("ablations", "times", "walks")
-"""Folders beside those of the scenarios."""
-
-
 def _check_name(name: str) -> str:
     """Names are parts of paths, of commands, of DVC's keys and of its stages."""
-    if name.lower() in TAKEN:
-        raise ValueError(f"a name needs to be none of {', '.join(TAKEN)}, which are folders")
     if not re.fullmatch(r"(?=.*[A-Za-z])[A-Za-z0-9][A-Za-z0-9_-]{0,63}", name):
         rule = "1 to 64 of A-Z, a-z, 0-9, _ and -, a letter among them, the first no _ or -"
         raise ValueError(f"a name needs {rule}")

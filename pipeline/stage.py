@@ -2,18 +2,16 @@
 
 import sys
 from collections.abc import Callable
-from pathlib import Path
 
 LONGEST = 2000
 """Characters of a sentence."""
 
 
-def run(main: Callable[[], None]) -> None:
-    """Run a stage's main; what a user can mend is said in one sentence, without a traceback."""
+def run(main: Callable[[], None], name: str) -> None:
+    """Run the stage of this name; what a user can mend is said in one sentence, without a traceback."""
     try:
         main()
     except (ValueError, OSError, RuntimeError, MemoryError, OverflowError) as error:
-        name = main.__module__ if main.__module__ != "__main__" else Path(sys.argv[0]).stem
         sys.exit(f"{name}: {sentence(error)}")
 
 

@@ -5,7 +5,7 @@ from itertools import product
 from pathlib import Path
 from types import MappingProxyType
 
-from pipeline.params import Ablation
+from pipeline.params import Params
 
 Variant = Mapping[str, str]
 """The keys of the method's ``network`` that differ, and their values."""
@@ -23,15 +23,39 @@ TRAINED: Mapping[str, Mapping[str, str]] = {
 """By the name of the ablation: the keys that it varies, and where ``ablation`` lists their values."""
 
 
-def variants(ablation: Ablation, name: str, value: str | None = None) -> list[tuple[str, Variant]]:
-    """Every method and variant of one ablation, or those alone that have ``value`` for its name."""
-    methods = FUSED if name == "fusion" else ablation.methods
-    axes = {
-        key: [value] if value and key == name else getattr(ablation, listed)
-        for key, listed in TRAINED[name].items()
-    }
-    combined = [dict(zip(axes, chosen, strict=True)) for chosen in product(*axes.values())]
-    return [(method, variant) for method in methods for variant in combined]
+def variants(params: Params, name: str, value: str | None = None) -> list[tuple[str, Variant]]:
+    """Every method and variant that one ablation compares, the method as it is among them.
+
+    With ``value`` those alone that have it for what the ablation is named after.
+    """
+    found: list[tuple[str, Variant]] = []
+    for method in FUSED if name == "fusion" else params.ablation.methods:
+        network = getattr(params.methods, method).network
+        axes = {
+            key: [value]
+            if value and key == name
+            else dict.fromkeys([getattr(network, key), *getattr(params.ablation, listed)])
+            for key, listed in TRAINED[name].items()
+        }
+        found += [
+            (method, dict(zip(axes, values, strict=True))) for values in product(*axes.values())
+        ]
+    return found
+
+
+def settings_trained(params: Params, method: str, variant: Variant) -> list[str]:
+    """Under which settings the tables show a training: the method as it is stands in all three."""
+    if not is_as_it_is(params, method, variant):
+        return [setting_of(variant)]
+    network = getattr(params.methods, method).network
+    names = [name for name in TRAINED if name != "fusion" or method in FUSED]
+    return [setting_of({key: getattr(network, key) for key in TRAINED[name]}) for name in names]
+
+
+def is_as_it_is(params: Params, method: str, variant: Variant) -> bool:
+    """Whether a variant is the method as params.yaml has it."""
+    network = getattr(params.methods, method).network
+    return all(getattr(network, key) == value for key, value in variant.items())
 
 
 def setting_of(variant: Variant) -> str:
@@ -39,7 +63,14 @@ def setting_of(variant: Variant) -> str:
     return ",".join(f"{key}={value}" for key, value in variant.items())
 
 
-def folder_of(ablation: str, method: str, variant: Variant) -> Path:
-    """Where the files of a variant lie among those of its ablation: ``euler/pcrdiffusion_cf-raw``."""
+def folder_of(params: Params, ablation: str, method: str, variant: Variant) -> Path:
+    """Where the files of a variant lie among all weights.
+
+    For example ``ablations/representation/euler/pcrdiffusion_cf-raw``. The method as it is was
+    trained once, among the representations, for all ablations.
+    """
+    if is_as_it_is(params, method, variant):
+        network, ablation = getattr(params.methods, method).network, "representation"
+        variant = {key: getattr(network, key) for key in TRAINED[ablation]}
     others = [value for key, value in variant.items() if key != ablation]
-    return Path(variant[ablation], "-".join([method, *others]))
+    return Path("ablations", ablation, variant[ablation], "-".join([method, *others]))

@@ -1,15 +1,28 @@
 """DVC stages ``ablate`` and ``ablate_steps``: one thing varied, everything else as it is."""
 
 import argparse
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
 from pathlib import Path
+from typing import Any
 
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from pcrdiff.diffusion.sampling import Walk
+from pcrdiff.evaluation import Estimates
 from pcrdiff.geometry.precision import search_precision
-from pipeline.ablating import ABLATIONS, Given
-from pipeline.artifacts import write_ablation
+from pcrdiff.registration import Pairs
+from pipeline.artifacts import WEIGHTS, read_pairs, write_ablation
+from pipeline.building import Diffused, load_diffused, load_learned
+from pipeline.evaluating import answer, answer_all
 from pipeline.machine import settle
-from pipeline.params import pick, read_params
-from pipeline.stage import run
+from pipeline.params import Diffusion, Params, pick, read_params
 from pipeline.tracking import journal
+from pipeline.variants import TRAINED, folder_of, setting_of, variants
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -31,5 +44,125 @@ def main(argv: list[str] | None = None) -> None:
             notes.artifact(path)
 
 
-if __name__ == "__main__":
-    run(main)
+Answers = Mapping[str, Mapping[str, Estimates]]
+"""By method, then by the varied value."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """What an ablation is made of."""
+
+    params: Params
+    pairs: Path
+    models: Path
+    """The folder of all weights."""
+
+    def weights(self, scenario: str, method: str) -> Path:
+        """Where a method's weights for a scenario lie."""
+        return self.models / method / scenario / WEIGHTS
+
+    def answer_walks(
+        self, name: str, test: Pairs, walks: Mapping[str, tuple[Diffusion, int]]
+    ) -> dict[str, Estimates]:
+        """The answers of one training by setting: under several walks, each with its draw.
+
+        A pair of clouds is encoded once for all of them.
+        """
+        weights = self.weights(self.params.ablation.scenario, name)
+        walk, _ = next(iter(walks.values()))
+        method = EncodesOnce(load_diffused(name, self.params.methods, walk, weights))
+        drawn = {
+            setting: (Walker(name, method, Walk(**walk.model_dump())), draw)
+            for setting, (walk, draw) in walks.items()
+        }
+        return answer_all(self.params, drawn, test)
+
+
+class EncodesOnce:
+    """A method that remembers how it encoded the pair that it was shown last."""
+
+    def __init__(self, method: Diffused) -> None:
+        self.method, self._last = method, tuple[Any, ...]()
+
+    def encode(self, source: Tensor, target: Tensor) -> Any:  # noqa: ANN401  the method's own
+        """As the method does; these very tensors only once."""
+        if not self._last or self._last[0] is not source or self._last[1] is not target:
+            encode = type(self.method).encode
+            self._last = source, target, encode(self.method, source, target)  # type: ignore[arg-type]
+        return self._last[2]
+
+
+@dataclass
+class Walker:
+    """A trained method under one of several walks that share what it encodes."""
+
+    name: str
+    shared: EncodesOnce
+    walk: Walk
+
+    def register(
+        self,
+        source: Float[Tensor, "batch n 3"],
+        target: Float[Tensor, "batch m 3"],
+        *,
+        generator: torch.Generator,
+    ) -> Float[Tensor, "batch 4 4"]:
+        """As :class:`pcrdiff.registration.Method` asks."""
+        method = self.shared.method
+        method.walk = self.walk
+        method.encode = self.shared.encode  # type: ignore[method-assign]
+        try:
+            return method.register(source, target, generator=generator)
+        finally:
+            del method.encode  # what is pickled has none of this
+
+
+def ablate_variants(name: str, given: Given) -> tuple[Pairs, Answers]:
+    """Tables 3 to 5: a training for each value, all walked back as params.yaml says."""
+    params, test = given.params, read_pairs(given.pairs, "test")
+    answers: dict[str, dict[str, Estimates]] = {}
+    for method, variant in variants(params, name):
+        weights = given.models / folder_of(params, name, method, variant) / WEIGHTS
+        trained = load_learned(method, "paper", params.methods, params.diffusion, weights, variant)
+        answers.setdefault(method, {})[setting_of(variant)] = answer(params, trained, test)
+    return test, answers
+
+
+def ablate_steps(given: Given) -> tuple[Pairs, Answers]:
+    """Table 7: the steps of the walk back of one training, each walk drawn several times."""
+    ablation, test = given.params.ablation, read_pairs(given.pairs, "test")
+    return test, {
+        name: given.answer_walks(name, test, walks_of(given.params, ablation.sampling.draws[name]))
+        for name in ablation.methods
+    }
+
+
+def walks_of(params: Params, draws: int) -> dict[str, tuple[Diffusion, int]]:
+    """Every walk of Table 7 by its setting, and the number of its draw."""
+    sampling = params.ablation.sampling
+    walks = {}
+    for sampler, steps in product(sampling.samplers, params.ablation.steps):
+        told = {"steps": steps, "sampler": sampler, "hypotheses": 1}
+        walk = params.diffusion.model_copy(update=told)
+        for draw in range(draws):
+            again = f",draw={draw}" if draw else ""
+            walks[f"steps={steps},sampler={sampler}{again}"] = walk, draw
+    return walks
+
+
+def ablate_hypotheses(given: Given) -> tuple[Pairs, Answers]:
+    """Beyond the paper: the best fitting of several walks, chosen without the truth."""
+    ablation, diffusion = given.params.ablation, given.params.diffusion
+    test = read_pairs(given.pairs, "test")
+    walks = {
+        f"hypotheses={count}": (diffusion.model_copy(update={"hypotheses": count}), 0)
+        for count in ablation.hypotheses
+    }
+    return test, {name: given.answer_walks(name, test, walks) for name in ablation.methods}
+
+
+ABLATIONS: dict[str, Callable[[Given], tuple[Pairs, Answers]]] = {
+    **{name: partial(ablate_variants, name) for name in TRAINED},
+    "steps": ablate_steps,
+    "hypotheses": ablate_hypotheses,
+}

@@ -1,4 +1,4 @@
-"""DVC stages ``evaluate`` and ``evaluate_baselines``: a learned method's answers on all its scenarios."""
+"""DVC stages ``evaluate``, ``evaluate_baselines`` and ``evaluate_classical``: a method's answers."""
 
 import argparse
 from collections.abc import Mapping
@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pcrdiff.geometry.precision import search_precision
 from pipeline.artifacts import WEIGHTS, read_pairs, write_estimates
-from pipeline.evaluating import answer_settings, headline, load_settings, mean_error_r_deg
+from pipeline.building import load_settings
+from pipeline.evaluating import answer_settings, headline, mean_error_r_deg
 from pipeline.machine import settle
-from pipeline.params import SHOWN, pick, read_params, shown_scenario
-from pipeline.stage import run
+from pipeline.params import SHOWN, Params, pick, read_params, shown_scenario
 from pipeline.tracking import journal
 
 
@@ -18,26 +18,42 @@ def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--method", required=True)
     parser.add_argument("--pairs", type=Path, required=True, help="folder of the pair files")
-    parser.add_argument("--models", type=Path, required=True, help="folder of the method")
+    parser.add_argument("--models", type=Path, help="folder of the method, if it is a learned one")
     parser.add_argument("--answers", type=Path, required=True)
     args = parser.parse_args(argv)
 
     params = read_params()
-    settle(params.threads, params.search_precision)
-    told = {"search_precision": search_precision(), "method": args.method}
+    told = {"method": args.method}
+    if args.models:
+        settle(params.threads, params.search_precision)
+        told["search_precision"] = search_precision()
+    else:
+        settle(params.threads)
     if args.method in SHOWN:
         told |= {key: str(value) for key, value in params.diffusion.model_dump().items()}
-    with journal(params=told, inputs=[args.pairs, args.models]) as notes:
+    inputs = [args.pairs, args.models] if args.models else [args.pairs]
+    with journal(params=told, inputs=inputs) as notes:
         errors = {}
-        for scenario in pick(params.trainings, args.method, "trainings"):
-            pairs, weights = args.pairs / f"{scenario}.h5", args.models / scenario / WEIGHTS
-            settings = load_settings(params, args.method, pairs, weights)
-            test = read_pairs(pairs, "test")
+        for scenario, weights in weights_by_scenario(params, args.method, args.models).items():
+            pairs = args.pairs / f"{scenario}.h5"
+            settings, test = (
+                load_settings(params, args.method, pairs, weights),
+                read_pairs(pairs, "test"),
+            )
             answers = answer_settings(params, settings, test)
-            write_estimates(args.answers / scenario / f"{args.method}.csv", test, answers)
+            write_estimates(args.answers / f"{scenario}.csv", test, answers)
             errors[scenario] = mean_error_r_deg(test, headline(answers))
         notes.metrics(shown_errors(args.method, errors))
         notes.artifact(args.answers)
+
+
+def weights_by_scenario(
+    params: Params, method: str, models: Path | None
+) -> Mapping[str, Path | None]:
+    """The scenarios that a method answers, and its weights for each; a classical one has none."""
+    if models is None:
+        return dict.fromkeys(params.run.scenarios)
+    return {name: models / name / WEIGHTS for name in pick(params.trainings, method, "trainings")}
 
 
 def shown_errors(method: str, errors: Mapping[str, float]) -> dict[str, float]:
@@ -45,7 +61,3 @@ def shown_errors(method: str, errors: Mapping[str, float]) -> dict[str, float]:
     if method not in SHOWN:
         return {method: sum(errors.values()) / len(errors)}
     return {f"{SHOWN[method]}.{shown_scenario(name)}": error for name, error in errors.items()}
-
-
-if __name__ == "__main__":
-    run(main)

@@ -1,14 +1,33 @@
 """DVC stage ``preprocess``: a raw data set to the pair file of one scenario."""
 
 import argparse
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from pipeline.artifacts import write_pairs
+from pcrdiff.data import kitti, modelnet40, threedmatch
+from pcrdiff.data.acquisition import read_digests, read_manifest, read_source
+from pcrdiff.data.raw import DegenerateShape, RawItem
+from pcrdiff.data.scenarios import (
+    Corruption,
+    Shown,
+    Split,
+    choose_shown,
+    find_degenerate,
+    make_pairs,
+    split_items,
+)
+from pcrdiff.registration import Pairs
+from pcrdiff.spreading import Spread, in_turn
+from pipeline.artifacts import Streamed, write_pairs
+from pipeline.invocation import project_root
 from pipeline.machine import settle
-from pipeline.params import pick, read_params
-from pipeline.preprocessing import preprocess
+from pipeline.params import Scenario, pick, read_params
+from pipeline.progress import bar
+from pipeline.seeding import stream
 from pipeline.spreading import spread_over
-from pipeline.stage import run
 from pipeline.tracking import journal
 
 
@@ -34,5 +53,161 @@ def main(argv: list[str] | None = None) -> None:
         notes.metrics(pairs | dropped)
 
 
-if __name__ == "__main__":
-    run(main)
+READERS: dict[str, Callable[[Path], list[RawItem]]] = {
+    "modelnet40": modelnet40.read_items,
+    "3dmatch": threedmatch.read_items,
+    "kitti": kitti.read_items,
+}
+LICENCES = {
+    "modelnet40": "academic use (modelnet.cs.princeton.edu)",
+    "3dmatch": "terms of 7-Scenes and SUN3D (3dmatch.cs.princeton.edu)",
+    "kitti": "CC BY-NC-SA 3.0 (www.cvlibs.net)",
+}
+SYNTHETIC_LICENCE = "MIT, made by this project"
+SHOWN = 5
+"""Doubled contents that are named before they are only counted."""
+
+
+@dataclass(frozen=True)
+class Preprocessed:
+    """The content of a pair file; see ``pipeline.artifacts.write_pairs``."""
+
+    splits: Mapping[str, Streamed]
+    """Made as they are written."""
+    label: str
+    attributes: Mapping[str, object]
+    dropped: Mapping[str, Sequence[str]]
+    """Per split, the shape of each pair that was left out as degenerate."""
+
+
+def preprocess(
+    name: str,
+    scenario: Scenario,
+    family: str,
+    raw: Path,
+    *,
+    seed: int,
+    spread: Spread = in_turn,
+) -> Preprocessed:
+    """List the pairs of one scenario; each is made when it is asked for.
+
+    Content that stands in more than one split is named on stderr: what a method is tested on, it
+    has then seen in training.
+
+    Raises:
+        FileNotFoundError: The raw data set is not there, or a file of it is gone.
+        ValueError: A raw file is malformed, too small for the scenario, or lacks normals that the
+            scenario wants given: also while the pairs are made. A shape is degenerate, and the
+            scenario does not drop such, or drops all of a split.
+    """
+    root = read_manifest(raw, base=project_root())
+    items = READERS[family](root)
+    chosen = split_items(items, Split(**scenario.split.model_dump()))
+    doubled = find_doubled(items, chosen, read_digests(raw, root))
+    if doubled:
+        sys.stderr.write(f"pcrdiff preprocess: {_say_doubled(scenario.dataset, doubled)}\n")
+    corruption = Corruption(
+        scenario.num_points,
+        scenario.sampling,
+        scenario.max_rotation,
+        scenario.max_translation,
+        scenario.jitter_deviation,
+        scenario.jitter_clip,
+        scenario.keep,
+        scenario.normals,
+    )
+    splits, dropped = {}, dict[str, list[str]]()
+    for split, index in chosen.items():
+        seeds = [stream(seed, f"{name}/{split}")]
+        every = choose_shown(index, getattr(scenario.pairs, split), seeds)
+        find = partial(find_degenerate, items, every, corruption, seeds, bar, spread)
+        shown: Shown = every
+        if scenario.degenerate == "drop":
+            numbers = find()
+            dropped[split] = [items[every[k]].name for k in numbers]
+            shown = _without(every, numbers, f"{scenario.dataset} {split}")
+        blocks = make_pairs(items, shown, corruption, seeds, bar, spread)
+        splits[split] = Streamed(len(shown), _of(scenario.dataset, blocks, find))
+    source, sha256 = read_source(raw)
+    provenance = {
+        "dataset": scenario.dataset,
+        "source": source,
+        "files_sha256": sha256,
+        "items": {split: len(index) for split, index in chosen.items()},
+        "licence": SYNTHETIC_LICENCE if source == "synthetic" else LICENCES[family],
+        "scenario": {key: v for key, v in scenario.model_dump().items() if key != "degenerate"},
+    }
+    dropped = {split: names for split, names in dropped.items() if names}
+    if dropped:
+        provenance["dropped_as_degenerate"] = dropped
+    label = "category" if family == "modelnet40" else "scene"
+    attributes = {"scenario": name, "unit": "unit sphere", "seed": seed, "provenance": provenance}
+    return Preprocessed(splits, label, attributes, dropped)
+
+
+def find_doubled(
+    items: Sequence[RawItem], chosen: Mapping[str, Sequence[int]], digests: Mapping[Path, str]
+) -> list[dict[str, RawItem]]:
+    """Find content that stands in more than one split.
+
+    Args:
+        items: All items of the data set.
+        chosen: Which of them each split has.
+        digests: The sha256 of the files, by their real paths.
+
+    Returns:
+        For each such content the first item of each split that has it.
+    """
+    met: dict[str, dict[str, RawItem]] = {}
+    for split, indices in chosen.items():
+        for item in (items[index] for index in indices):
+            content = item.sha256 or (item.file and digests.get(item.file.resolve()))
+            if content:
+                met.setdefault(content, {}).setdefault(split, item)
+    return [by_split for by_split in met.values() if len(by_split) > 1]
+
+
+def _say_doubled(dataset: str, doubled: Sequence[Mapping[str, RawItem]]) -> str:
+    named = [
+        " = ".join(f"{_place(item)} in {split}" for split, item in by_split.items())
+        for by_split in doubled[:SHOWN]
+    ]
+    more = f"; and {len(doubled) - SHOWN} more" if len(doubled) > SHOWN else ""
+    return (
+        f"{dataset} has the same content in several splits, {len(doubled)} times, so a method may be "
+        f"tested on what it was trained on: {'; '.join(named)}{more}"
+    )
+
+
+def _place(item: RawItem) -> str:
+    """The file of an item, or its name in a file that holds several."""
+    return item.name if item.sha256 or item.file is None else str(item.file)
+
+
+def _without(shown: Sequence[int], numbers: Sequence[int], where: str) -> dict[int, int]:
+    """What is shown by the other pairs, under their own numbers, so that they are drawn alike."""
+    kept = {k: i for k, i in enumerate(shown) if k not in set(numbers)}
+    if not kept:
+        raise ValueError(
+            f"{where} needs a shape that is not degenerate, got {len(shown)} on one line each or in "
+            "one place"
+        )
+    return kept
+
+
+def _of(
+    dataset: str, blocks: Iterator[Pairs], find: Callable[[], Sequence[int]]
+) -> Iterator[Pairs]:
+    """The same blocks; what is wrong with one is said of the data set.
+
+    ``find`` tells which pairs are degenerate: asked when the first is met, to say how many.
+    """
+    try:
+        yield from blocks
+    except DegenerateShape as error:
+        raise ValueError(
+            f"{dataset}: {error}, which is one of {len(find())} degenerate pairs of its split; "
+            "`degenerate: drop` of the scenario leaves them out"
+        ) from error
+    except ValueError as error:
+        raise ValueError(f"{dataset}: {error}") from error

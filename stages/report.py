@@ -9,7 +9,6 @@ from pipeline.mlflow_sync import sync_after_report
 from pipeline.params import read_params
 from pipeline.reporting.provenance import read_provenance
 from pipeline.reporting.report import make_report
-from pipeline.stage import run
 from pipeline.tracking import journal
 
 
@@ -43,7 +42,3 @@ def main(argv: list[str] | None = None) -> None:
         for path in (args.tables, args.figures, args.page):
             notes.artifact(path)
     sys.stderr.write(f"{sync_after_report().sentence()}\n")
-
-
-if __name__ == "__main__":
-    run(main)

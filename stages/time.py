@@ -1,13 +1,24 @@
 """DVC stage ``time``: seconds and memory per pair of every method, batch 1, on a quiet machine."""
 
 import argparse
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import TypeVar
+
+import torch
+from torch import Tensor
 
 from pcrdiff.geometry.precision import search_precision
-from pipeline.machine import settle
-from pipeline.params import SHOWN, read_params
-from pipeline.stage import run
-from pipeline.timing import mean_seconds, time_all, write_costs
+from pcrdiff.registration import Method, Pairs
+from pipeline.artifacts import WEIGHTS, read_pairs, write_csv
+from pipeline.building import load_settings
+from pipeline.machine import end_with_parent, forget_peak, resident, settle
+from pipeline.params import SHOWN, Params, read_params
 from pipeline.tracking import journal
 
 
@@ -30,5 +41,131 @@ def main(argv: list[str] | None = None) -> None:
         notes.artifact(args.costs)
 
 
-if __name__ == "__main__":
-    run(main)
+T = TypeVar("T")
+FORK = get_context("fork")
+COLUMNS = ("pair", "setting", "seconds", "peak_memory_mib")
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What registering one pair took."""
+
+    seconds: float
+    peak_memory_mib: float
+    """Resident memory of the process at its highest, above that before its first registration."""
+
+
+Costs = Mapping[str, list[Cost]]
+"""Of each of the first test pairs, by setting."""
+
+
+def time_all(params: Params, pairs: Path, models: Path) -> Iterator[tuple[str, Costs]]:
+    """Time every method of ``params`` that can answer ``timing.scenario``, each in all its settings.
+
+    Each is loaded and timed in a process of its own, so that none profits from memory that another
+    has left.
+
+    Raises:
+        FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
+    """
+    timing, test = params.timing, read_pairs(pairs, "test")
+    if timing.pairs > len(test):
+        raise ValueError(
+            f"timing.pairs needs at most the {len(test)} test pairs, got {timing.pairs}"
+        )
+    first = test.select(torch.arange(timing.pairs))
+    for name, weights in timed_methods(params, models).items():
+        load = partial(load_settings, params, name, pairs, weights)
+        yield name, in_a_child(partial(time_settings, load, first, timing.warm_up))
+
+
+def in_a_child(work: Callable[[], T]) -> T:
+    """What ``work`` returns in a forked process.
+
+    Open3D must not be loaded before: its threads do not survive a fork. A new interpreter, as
+    ``pcrdiff.bindings.isolation`` has, would load PyTorch again for each method.
+
+    Raises:
+        OSError, ValueError: What ``work`` raised.
+        RuntimeError: The process ended before it could answer.
+    """
+    ours, theirs = FORK.Pipe(duplex=False)
+    child = FORK.Process(target=_send, args=(work, theirs))
+    child.start()
+    theirs.close()
+    try:
+        outcome: T | Exception = ours.recv()
+    except EOFError as error:
+        child.join()
+        raise RuntimeError(
+            f"a timed method ended its process, exit code {child.exitcode}"
+        ) from error
+    child.join()
+    if isinstance(outcome, Exception):
+        raise outcome
+    return outcome
+
+
+def _send(work: Callable[[], object], answer: Connection) -> None:
+    end_with_parent()
+    try:
+        answer.send(work())
+    except (OSError, ValueError, RuntimeError) as error:
+        answer.send(error)
+
+
+def timed_methods(params: Params, models: Path) -> Mapping[str, Path | None]:
+    """The methods that can answer ``timing.scenario``, and where a learned one's weights lie.
+
+    Those that are not trained on it have none.
+    """
+    scenario, run = params.timing.scenario, params.run
+    classical: dict[str, Path | None] = dict.fromkeys(run.classical)
+    weights = {name: models / name / scenario / WEIGHTS for name in (*run.diffused, *run.baselines)}
+    return classical | {name: path for name, path in weights.items() if path.is_file()}
+
+
+def time_settings(load: Callable[[], Mapping[str, Method]], test: Pairs, warm_up: int) -> Costs:
+    """Load a method and time it in each of its settings on the test pairs, one by one."""
+    settings, before = load(), resident("VmRSS")
+    return {name: time_pairs(method, test, warm_up, before) for name, method in settings.items()}
+
+
+def time_pairs(method: Method, test: Pairs, warm_up: int, before: float) -> list[Cost]:
+    """Time every pair by itself after ``warm_up`` registrations of the first.
+
+    Memory is counted from ``before``, in MiB: what a method allocates once, in whichever of its
+    settings came first, belongs to it. A pair that the method fails on is timed all the same.
+    """
+    clouds = test.clouds(getattr(method, "normals", "estimated"))
+    costs = []
+    for k in [*([0] * warm_up), *range(len(test))]:
+        forget_peak()
+        start = time.perf_counter()
+        _register(method, *(cloud[k : k + 1] for cloud in clouds))
+        seconds = time.perf_counter() - start
+        costs.append(Cost(seconds, max(0.0, resident("VmHWM") - before)))
+    return costs[warm_up:]
+
+
+def _register(method: Method, source: Tensor, target: Tensor) -> None:
+    try:
+        method.register(source, target, generator=torch.Generator().manual_seed(0))
+    except (ValueError, RuntimeError):
+        return  # counted where it is evaluated
+
+
+def write_costs(path: Path, costs: Costs) -> None:
+    """Write ``results/times/<method>.csv``: a row a setting and pair."""
+    rows = [
+        [pair, setting, cost.seconds, cost.peak_memory_mib]
+        for setting, found in costs.items()
+        for pair, cost in enumerate(found)
+    ]
+    write_csv(path, [list(COLUMNS), *rows])
+
+
+def mean_seconds(costs: Costs) -> float:
+    """Per pair, in the first setting."""
+    first = next(iter(costs.values()))
+    return sum(cost.seconds for cost in first) / len(first)

@@ -1,24 +1,269 @@
-"""DVC stage ``train``: the pairs of a scenario to the weights of one method."""
+"""DVC stages ``train``, ``train_baselines`` and ``train_{diffusion,representation,fusion}``.
+
+From pairs to weights: of PCRDiffusion on one scenario, of another learned method on each of its
+scenarios, or of the variants that Tables 3 to 5 compare.
+"""
 
 import argparse
+import math
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from pipeline.params import read_params
-from pipeline.stage import run
-from pipeline.training import Task, train_all
+import torch
+from torch import Tensor
+
+from pcrdiff.geometry.precision import resolve, search_precision
+from pcrdiff.processes import ALONE, Processes
+from pcrdiff.progress import silent
+from pcrdiff.training import Budget, Checkpoint, Epoch, FreshPoses, Trainer, train
+from pipeline.artifacts import (
+    CURVE,
+    FACTS,
+    WEIGHTS,
+    read_attributes,
+    read_pairs,
+    write_curve,
+    write_json,
+    write_weights,
+)
+from pipeline.building import build_untrained
+from pipeline.checkpoints import NoCheckpoint, open_checkpoint
+from pipeline.machine import settle
+from pipeline.params import DIFFUSED, Params, pick, read_params
+from pipeline.processes import check_agreement, join
+from pipeline.progress import bar
+from pipeline.seeding import stream
+from pipeline.tracking import Journal, journal
+from pipeline.variants import AS_IT_IS, TRAINED, Variant, folder_of, settings_trained, variants
 
 
 def main(argv: list[str] | None = None) -> None:
     """Read params and pairs, train, write the best weights, the curve and what it took."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--method", required=True)
-    parser.add_argument("--scenario", required=True)
-    parser.add_argument("--pairs", type=Path, required=True)
-    parser.add_argument("--models", type=Path, required=True, help="folder of its files")
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--method")
+    what.add_argument("--ablation", choices=sorted(TRAINED))
+    parser.add_argument("--scenario", help="of the method; all that it is trained on by default")
+    parser.add_argument("--value", help="of what the ablation varies")
+    parser.add_argument(
+        "--pairs", type=Path, required=True, help="pair file; of several, the folder"
+    )
+    parser.add_argument(
+        "--models", type=Path, required=True, help="folder of the training or trainings"
+    )
     args = parser.parse_args(argv)
 
-    train_all(read_params(), [Task(args.scenario, args.method, args.pairs, args.models)])
+    params = read_params()
+    if args.ablation:
+        tasks = ablation_tasks(params, args.ablation, args.value, args.pairs, args.models)
+    elif args.scenario:
+        tasks = [Task(args.scenario, args.method, args.pairs, args.models)]
+    else:
+        tasks = [
+            Task(name, args.method, args.pairs / f"{name}.h5", args.models / name)
+            for name in pick(params.trainings, args.method, "trainings")
+        ]
+    train_all(params, tasks)
 
 
-if __name__ == "__main__":
-    run(main)
+CODE = (
+    Path("pcrdiff"),
+    Path("pipeline/building.py"),
+    Path("pipeline/processes.py"),
+    Path("stages/train.py"),
+)
+"""What a half-done training was made with: if it changes, the training starts anew."""
+
+VALIDATION_WALK = {"steps": 1, "sampler": "ddpm", "hypotheses": 1}
+"""How validation samples, whatever evaluation does: other steps must not choose other weights."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One training of a stage."""
+
+    scenario: str
+    method: str
+    pairs: Path
+    folder: Path
+    """Where its files go."""
+    variant: Variant = field(default_factory=dict)
+    """What differs from the method as params.yaml has it; nothing for a main training."""
+
+
+def ablation_tasks(
+    params: Params, ablation: str, value: str, pairs: Path, models: Path
+) -> list[Task]:
+    """The trainings of an ablation with one value of what it varies."""
+    return [
+        Task(
+            params.ablation.scenario,
+            method,
+            pairs,
+            models / folder_of(params, ablation, method, variant).name,
+            variant,
+        )
+        for method, variant in variants(params, ablation, value)
+    ]
+
+
+@dataclass(frozen=True)
+class Trained:
+    """The outcome of a training."""
+
+    weights: dict[str, Tensor]
+    """Of the epoch that did best on the validation pairs."""
+    curve: list[Epoch]
+    facts: dict[str, object]
+    """How much training this was."""
+
+    def write(self, folder: Path) -> None:
+        """Write the weights, the curve and the facts."""
+        write_weights(folder / WEIGHTS, self.weights, self.facts)
+        write_curve(folder / CURVE, self.curve)
+        write_json(folder / FACTS, self.facts)
+
+    def note_curve(self, notes: Journal) -> None:
+        """Put the curve into the journal."""
+        for epoch in self.curve:
+            values = {"loss": epoch.losses["loss"]}
+            if epoch.val_error_r_deg is not None:
+                values["val_error_r_deg"] = epoch.val_error_r_deg
+            notes.metrics(values, step=epoch.epoch)
+
+
+def train_all(params: Params, tasks: Sequence[Task]) -> None:
+    """Train each task to the end of its budget, and write its files as soon as it is done.
+
+    Of several processes the first writes; the others train along. When the stage is killed, the
+    states of all its trainings are kept, and it continues from them.
+
+    Raises:
+        FileNotFoundError, ValueError: A pair file is missing or is not one, or the processes disagree.
+        RuntimeError: A gradient is not finite.
+    """
+    told = [training_params(params, t.scenario, t.method, t.variant) for t in tasks]
+    pairs = sorted({task.pairs for task in tasks})
+    with join(params.train.devices, params.train.nodes) as processes:
+        settle(params.threads, params.search_precision)
+        check_agreement(processes, {"trainings": told}, [*pairs, *CODE])
+        if processes.rank > 0:
+            for task in tasks:
+                train_method(params, task, NoCheckpoint(), processes)
+            return
+        with journal(params=_noted(told), inputs=pairs) as notes, ExitStack() as until_all_are_done:
+            for task, its_params in zip(tasks, told, strict=True):
+                checkpoint = until_all_are_done.enter_context(
+                    open_checkpoint(its_params, [task.pairs, *CODE])
+                )
+                outcome = train_method(params, task, checkpoint, processes)
+                outcome.write(task.folder)
+                if len(tasks) == 1:
+                    outcome.note_curve(notes)
+
+
+NOTED = ("search_precision", "method", "scenario", "epochs", "batch_size", "learning_rate")
+"""What MLflow shows of a training's params; all of them are in ``dvc.lock``."""
+
+
+def _noted(told: Sequence[dict[str, Any]]) -> dict[str, object]:
+    """What the trainings of a stage have in common, and what they do not, as text."""
+    different = {name: [str(each[name]) for each in told] for name in NOTED}
+    return {name: ", ".join(dict.fromkeys(values)) for name, values in different.items()}
+
+
+def epochs_of(params: Params, scenario: str, method: str, variant: Variant) -> int:
+    """The budget of a training; a variant's is the ablation's own, the same for all of a method."""
+    if variant:
+        return pick(params.ablation.epochs, method, "ablation.epochs")
+    return params.epochs(scenario, method)
+
+
+def training_params(
+    params: Params, scenario: str, method: str, variant: Variant = AS_IT_IS
+) -> dict[str, Any]:
+    """All of params.yaml that a training depends on, besides its pairs."""
+    return {
+        "seed": params.seed,
+        "threads": params.threads,
+        "search_precision": resolve(params.search_precision),
+        "devices": params.train.devices,
+        "nodes": params.train.nodes,
+        "scenario": scenario,
+        "method": method,
+        "epochs": epochs_of(params, scenario, method, variant),
+        "poses": params.train.poses,
+        **_process(params, method),
+        "network": {**getattr(params.methods, method).network.model_dump(), **variant},
+        **getattr(params.train, method).model_dump(),
+    }
+
+
+def train_method(
+    params: Params, task: Task, checkpoint: Checkpoint, processes: Processes = ALONE
+) -> Trained:
+    """Train a method, or a variant of it, to the end of its budget.
+
+    All variants of a method start from the same draws and see the pairs in the same order. Each of
+    several processes comes back with the same outcome.
+
+    Raises:
+        FileNotFoundError, ValueError: The pair file is missing or is not one.
+        RuntimeError: A gradient is not finite.
+    """
+    scenario, method, variant = task.scenario, task.method, task.variant
+    torch.manual_seed(stream(params.seed, f"init/{scenario}/{method}"))
+    walk = params.diffusion.model_copy(update=VALIDATION_WALK)
+    network = build_untrained(method, params.methods, walk, variant)
+    data, val = read_pairs(task.pairs, "train"), read_pairs(task.pairs, "val")
+    settings = getattr(params.train, method)
+    budget = Budget(epochs_of(params, scenario, method, variant), **settings.model_dump())
+    trainer = Trainer(
+        network,
+        data,
+        val,
+        budget,
+        fresh_poses(task.pairs) if params.train.poses == "fresh" else None,
+        seed=stream(params.seed, f"train/{scenario}/{method}"),
+        processes=processes,
+    )
+    weights, curve = train(trainer, checkpoint, bar if processes.rank == 0 else silent)
+    facts: dict[str, object] = {
+        "method": method,
+        "scenario": scenario,
+        "epochs": budget.epochs,
+        "steps": curve[-1].step,
+        "batch_size": budget.batch_size,
+        "devices": params.train.devices,
+        "nodes": params.train.nodes,
+        "threads": params.threads,
+        "search_precision": search_precision(),
+        "train_pairs": len(data),
+        "epoch_pairs": trainer.pairs_per_epoch,
+        "parameters": sum(p.numel() for p in network.parameters()),
+        "best_epoch": trainer.best_epoch,
+        "val_error_r_deg": _or_none(trainer.best_error),
+        "poses": params.train.poses,
+        **_process(params, method),
+    }
+    if variant:
+        facts["settings"] = settings_trained(params, method, variant)
+    return Trained(weights, curve, facts)
+
+
+def _process(params: Params, method: str) -> dict[str, int]:
+    """What a training knows of the diffusion process, if its method has one."""
+    return {"timesteps": params.diffusion.timesteps} if method in DIFFUSED else {}
+
+
+def fresh_poses(pairs: Path) -> FreshPoses:
+    """New poses within the bounds that the pair file says its own were drawn within."""
+    made = read_attributes(pairs)["provenance"]["scenario"]
+    return FreshPoses(math.radians(made["max_rotation_deg"]), made["max_translation"])
+
+
+def _or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -65,14 +65,14 @@ def write_manifest(
             and folders are followed.
         out: Where the manifest goes; made if absent.
         source: How the data set came here.
-        base: What a relative root is relative to: the project's own folder.
+        base: What a relative root of a local data set is relative to: the project's own folder.
         progress: Watches the files being hashed.
 
     Raises:
         FileNotFoundError: No such folder.
         ValueError: The folder holds no file.
     """
-    folder = base / root.expanduser()
+    folder = base / root.expanduser() if source == "local" else root
     if not folder.is_dir():
         raise FileNotFoundError(f"a {source} data set needs its folder, {root} is not one")
     paths = _list_files(folder, skip=out / MANIFEST)

@@ -12,7 +12,6 @@ from jaxtyping import Float64
 from pcrdiff.data.corruption import (
     Cloud,
     crop,
-    draw_pose,
     jitter,
     move,
     rescale,
@@ -20,6 +19,7 @@ from pcrdiff.data.corruption import (
     unit_sphere,
 )
 from pcrdiff.data.raw import DegenerateShape, Mesh, RawItem, sample_oriented, sample_points
+from pcrdiff.geometry.random_pose import draw_pose
 from pcrdiff.geometry.span import spans_plane
 from pcrdiff.progress import Progress, silent
 from pcrdiff.registration import SPLITS, Normals, Pairs

@@ -23,7 +23,7 @@ class Walk:
     sampler: Literal["ddpm", "ddim"]
     """``ddpm`` draws from the posterior, ``ddim`` walks without new noise."""
     hypotheses: int = 1
-    """How many noises a walk starts from; ``pcrdiff.denoising`` keeps the answer that fits best."""
+    """How many noises a walk starts from; ``pcrdiff.models.denoising`` keeps the answer that fits best."""
 
 
 @runtime_checkable

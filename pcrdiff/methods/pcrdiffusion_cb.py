@@ -17,12 +17,12 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from pcrdiff.denoising import walk_back
 from pcrdiff.diffusion.process import corrupt
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.diffusion.schedule import cosine_alphas_bar
 from pcrdiff.geometry.representation import RepresentationName
 from pcrdiff.models.attention import CrossCloudAttention
+from pcrdiff.models.denoising import walk_back
 from pcrdiff.models.losses import diffusion_loss, matching_losses
 from pcrdiff.models.matching import AnnealingNet, Matchable, fit_matches
 from pcrdiff.models.pose_encoder import Diffusion, make_pose_encoder

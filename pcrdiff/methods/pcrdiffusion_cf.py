@@ -7,12 +7,12 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from pcrdiff.denoising import walk_back
 from pcrdiff.diffusion.process import corrupt
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.diffusion.schedule import cosine_alphas_bar
 from pcrdiff.geometry.representation import RepresentationName
 from pcrdiff.geometry.rigid import transform
+from pcrdiff.models.denoising import walk_back
 from pcrdiff.models.fusion import FEATURES, Fusion, fuse
 from pcrdiff.models.losses import chamfer_loss, diffusion_loss, pose_loss
 from pcrdiff.models.pointnet import PointNet

@@ -23,8 +23,13 @@ class Training:
     """``epochs``, ``steps``, ``batch_size``, ``train_pairs``, ``parameters``, ``best_epoch``."""
     curve: dict[str, list[float | None]]
     """Column by column; None where nothing was measured."""
-    setting: str | None = None
-    """Of an ablation's training, what it varies, as in ``fusion=target``; None for a main one."""
+    settings: tuple[str, ...] = ()
+    """Of an ablation's training, under which settings tables show it; empty for a main one."""
+
+    @property
+    def setting(self) -> str | None:
+        """What an ablation's training is, as in ``fusion=target``; None for a main one."""
+        return self.settings[0] if self.settings else None
 
 
 def read_trainings(folder: Path) -> list[Training]:
@@ -41,13 +46,14 @@ def read_trainings(folder: Path) -> list[Training]:
 
 def _read_training(folder: Path, file: Path) -> Training:
     budget, ablated = _read_budget(file), file.is_relative_to(folder / ABLATIONS)
-    needed = ["scenario", "method", *(["setting"] if ablated else [])]
-    names = [budget.get(key) for key in needed]
-    if not all(isinstance(name, str) for name in names):
-        raise ValueError(f"{file} needs the names of {', '.join(needed)}, has {names}")
-    scenario, method, *setting = map(str, names)
-    curve = _curve(file.with_name(CURVE))
-    return Training(scenario, method, budget, curve, *setting)
+    scenario, method, settings = (budget.get(key) for key in ("scenario", "method", "settings"))
+    if not isinstance(scenario, str) or not isinstance(method, str):
+        raise ValueError(f"{file} needs the names of scenario, method, has {[scenario, method]}")
+    if ablated != bool(settings) or not all(isinstance(one, str) for one in settings or []):
+        raise ValueError(
+            f"{file} needs the names of its settings if of an ablation, has {settings}"
+        )
+    return Training(scenario, method, budget, _curve(file.with_name(CURVE)), tuple(settings or ()))
 
 
 def _read_budget(file: Path) -> dict[str, Any]:

@@ -46,7 +46,7 @@ def make_report(
     """Compute all numbers once and render them: the same inputs, the same bytes.
 
     Args:
-        results: Folder of ``<family>/<scenario>/<method>.csv``, ``ablations/<name>.csv``,
+        results: Folder of ``<method>/<scenario>.csv``, ``ablations/<name>.csv``,
             ``times/<method>.csv`` and ``walks/<scenario>/<method>.csv``; only the first are a must.
         models: Folder that has, at any depth, a ``facts.json`` for each training, and beside it
             its ``curve.csv``.

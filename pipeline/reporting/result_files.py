@@ -19,7 +19,9 @@ COLUMNS = ("pair", "item", "group", "setting", "failure", *NUMBERS)
 EXTRAS = ("recall", "seconds")
 """Columns a file may have besides: 0 or 1 by the benchmark's own test, and the time taken."""
 ABLATIONS, TIMES, WALKS = "ablations", "times", "walks"
-"""Folders beside those of the families of methods."""
+"""Folders beside those of the methods."""
+NOISE = "noise"
+"""The ablation that has a file for each method."""
 TIMED = ("seconds", "peak_memory_mib")
 
 
@@ -78,16 +80,16 @@ class Times:
 
 
 def read_results(folder: Path) -> list[Scores]:
-    """Read every ``<family>/<scenario>/<method>.csv`` and ``ablations/<name>.csv``.
+    """Read every ``<method>/<scenario>.csv``, ``ablations/<name>.csv`` and ``ablations/noise/*.csv``.
 
     Raises:
         FileNotFoundError: There is none.
         ValueError: One is cut short or ill-formed, or its pairs are not those of its neighbours.
     """
-    main = [file for file in folder.glob("*/*/*.csv") if file.parts[-3] != WALKS]
-    files = sorted([*main, *folder.glob(f"{ABLATIONS}/*.csv")])
+    main = [file for file in folder.glob("*/*.csv") if file.parent.name != TIMES]
+    files = sorted([*main, *folder.glob(f"{ABLATIONS}/{NOISE}/*.csv")])
     if not files:
-        raise FileNotFoundError(f"{folder} needs a <family>/<scenario>/<method>.csv, found none")
+        raise FileNotFoundError(f"{folder} needs a <method>/<scenario>.csv, found none")
     read = [(file, one) for file in files for one in read_scores(file)]
     _check_same_pairs(read)
     return [one for _, one in read]
@@ -146,8 +148,8 @@ def read_scores(file: Path) -> list[Scores]:
     extras = tuple(name for name in EXTRAS if name in where)
     groups: dict[tuple[str, str, str], list[list[str]]] = {}
     for row in rows:
-        scenario, method = file.parent.name, file.stem
-        if _is_ablation(file):
+        scenario, method = file.stem, file.parent.name
+        if _ablation_of(file):
             scenario = row[where["scenario"]] if "scenario" in where else UNSEEN_OBJECTS
             method = row[where["method"]]
         groups.setdefault((scenario, method, row[where["setting"]]), []).append(row)
@@ -164,7 +166,7 @@ def _scores(
     pair, order = _pairs(file, setting, [row["pair"] for row in rows])
     rows = [rows[index] for index in order]
     return Scores(
-        ablation=file.stem if _is_ablation(file) else None,
+        ablation=_ablation_of(file),
         scenario=scenario,
         method=method,
         setting=setting,
@@ -203,13 +205,15 @@ def _is_finite(text: str) -> bool:
         return False
 
 
-def _is_ablation(file: Path) -> bool:
-    return file.parent.name == ABLATIONS
+def _ablation_of(file: Path) -> str | None:
+    if file.parent.name == NOISE:
+        return NOISE
+    return file.stem if file.parent.name == ABLATIONS else None
 
 
 def _check_columns(file: Path, header: list[str]) -> None:
-    needed = {*COLUMNS, *(["method"] if _is_ablation(file) else [])}
-    known = {*needed, *EXTRAS, *(["scenario"] if _is_ablation(file) else [])}
+    needed = {*COLUMNS, *(["method"] if _ablation_of(file) else [])}
+    known = {*needed, *EXTRAS, *(["scenario"] if _ablation_of(file) else [])}
     missing, unknown = sorted(needed - {*header}), sorted({*header} - known)
     if missing:
         raise ValueError(f"{file} needs the columns {', '.join(missing)}, it lacks them")

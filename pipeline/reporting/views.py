@@ -110,7 +110,11 @@ def make_tables(
     rows: Sequence[Row], trainings: Iterable[Training], facts: Mapping[str, PairFacts]
 ) -> list[Table]:
     """Lay rows out as the paper's tables, then the extra ones; every table has the floors."""
-    budgets = {(one.scenario, one.method, one.setting): one for one in trainings}
+    budgets = {
+        (one.scenario, one.method, setting): one
+        for one in trainings
+        for setting in one.settings or [None]
+    }
     grouped = _group(rows)
     return [
         _table(key, grouped, budgets, facts[key[1]])
