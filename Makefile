@@ -31,7 +31,7 @@ browser: setup  # for the tests that look at pages; without one they are skipped
 	  echo "no browser could be installed, see .venv/browser.log: tests that need one are skipped"
 
 test: browser  ## the whole suite; tests on real data run where it is found
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 3 --dist loadfile
 
 check: setup  ## format, lint, types, layers
 	$(BIN)/ruff format --check .

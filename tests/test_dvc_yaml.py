@@ -17,16 +17,16 @@ from dvc.fs import localfs
 from dvc.ignore import DvcIgnoreFilter
 from ruamel.yaml import YAML
 
-from pipeline import training
 from pipeline.params import classical_names, read_params
+from pipeline.profiles import profile_values
 from pipeline.tracking import content_md5
+from pipeline.variants import FUSED
 from tests.described import (
     REPOSITORY,
     VARIABLE,
     Instance,
     expand,
     flow_style_lists,
-    read_repository_params,
     read_templates,
 )
 from tests.recording import Reads, RecordingSection
@@ -54,7 +54,6 @@ GLUE = {
     "pipeline.seeding": "derives seeds; its test holds them",
     "pipeline.spreading": "runs loops elsewhere; tests hold that the results are the same bytes",
     "pipeline.restored": "tells MLflow what DVC took from its cache",
-    "pipeline.stage": "says how a stage ended",
     "pipeline.tracking": "writes journals",
     "pipeline.dvcignore": "says which files count for journals and checkpoints",
     "pipeline.variants": "names what ablations vary",
@@ -79,7 +78,8 @@ NAMES = ("--dataset", "--scenario", "--method", "--ablation", "--value")
 """The options whose values are names, not paths."""
 
 TEMPLATES = read_templates()
-INSTANCES = expand(read_repository_params())
+TABLES = profile_values(REPOSITORY, "tables")
+INSTANCES = expand(TABLES)
 IMPORTS = grimp.build_graph(
     "pcrdiff", "pipeline", "stages", exclude_type_checking_imports=True, cache_dir=None
 )
@@ -91,18 +91,13 @@ def by_name(instances: list[Instance]) -> dict[str, Instance]:
 
 def methods_of(instance: Instance) -> list[str]:
     """The methods that an instance builds."""
-    params = read_repository_params()
-    run, ablation = params["run"], params["ablation"]
-    groups = {
-        "evaluate_classical": run["classical"],
-        "ablate": [*run["diffused"], *ablation["noise"]["methods"]],
-        "time": [*run["diffused"], *run["baselines"], *run["classical"]],
-    }
-    return (
-        [instance.item["method"]]
-        if "method" in instance.item
-        else groups.get(instance.template, run["diffused"])
-    )
+    if "method" in instance.item:
+        return [instance.item["method"]]
+    if instance.template == "train_fusion":
+        return [*FUSED]
+    run = TABLES["run"]
+    others = [*run["baselines"], *run["classical"]] if instance.template == "time" else []
+    return [*run["diffused"], *others]
 
 
 def imported_modules(instance: Instance) -> set[str]:
@@ -200,11 +195,7 @@ def reads(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Reads]:
             read[instance.name] = set()
             params = RecordingSection(read_params(), "", read[instance.name])
             patch.setattr(module, "read_params", lambda params=params: params)
-            patch.setattr(
-                training if instance.template.startswith("train") else module,
-                "journal",
-                null_journal,
-            )
+            patch.setattr(module, "journal", null_journal)
             if instance.template == "report":
                 patch.setattr(module, "sync_after_report", MagicMock())
             run_instance(instance)
@@ -263,11 +254,13 @@ def test_the_steps_of_the_walk_concern_only_what_samples() -> None:
         for instance in INSTANCES
         if any(lies_under("diffusion.steps", key) for key in instance.content["params"])
     }
-    assert concerned == {"evaluate@pcrdiffusion_cf", "evaluate@pcrdiffusion_cb", "ablate", "time"}
+    evaluated = {f"evaluate@{method}" for method in TABLES["run"]["diffused"]}
+    noisy = {f"ablate_noise@{method}" for method in TABLES["ablation"]["noise"]["methods"]}
+    assert concerned == {*evaluated, *noisy, "ablate", "time"}
 
 
 def test_every_declared_param_exists() -> None:
-    params = read_repository_params()
+    params = TABLES
     for instance in INSTANCES:
         for key in instance.content["params"]:
             value = params
@@ -347,7 +340,7 @@ def test_a_command_runs_the_python_of_the_project_in_every_shell_here(
         text=True,
         check=True,
     )
-    assert done.stdout.splitlines() == ["-m", instance.module, *instance.argv]
+    assert done.stdout.splitlines() == ["-m", "stages", *instance.content["cmd"].split()[2:]]
 
 
 def test_no_two_stages_write_one_path() -> None:

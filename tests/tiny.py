@@ -14,6 +14,7 @@ import pytest
 import torch
 import yaml
 
+from pipeline.profiles import profile_values
 from pipeline.stage import run
 from tests.described import REPOSITORY, Instance, expand, read_repository_params
 
@@ -36,21 +37,24 @@ SKIPPED = ("acquire@3dmatch", "acquire@kitti", "report")
 
 
 def tiny_params() -> dict[str, Any]:
-    """The repository's params with one scenario of a local data set, and everything small."""
-    params = read_repository_params()
+    """The tables profile's params with one scenario of a local data set, and everything small."""
+    params = profile_values(REPOSITORY, "tables")
     scenario = params["scenarios"][SCENARIO]
-    scenario["num_points"] = 48
+    scenario |= {"num_points": 48, "pairs": {"train": None, "val": None, "test": None}}
     scenario["split"]["val_fraction"] = 0.34
     params |= {"threads": 1, "scenarios": {SCENARIO: scenario}}
+    params["compute"]["workers"] = 1
     params["run"]["scenarios"] = [SCENARIO]
     params["run"]["baselines"] = ["pcrnet", "rpmnet"]
+    params["run"]["classical"] = read_repository_params()["run"]["classical"]
     params["trainings"] = {method: {SCENARIO: 3} for method in (CF, CB)}
     params["trainings"] |= {method: {SCENARIO: 1} for method in params["run"]["baselines"]}
     params["ablation"] |= {
         "epochs": {CF: 2, CB: 2},
+        "diffusions": ["without"],
         "representations": ["quaternion", "twist"],
         "scalings": ["raw", "standardised"],
-        "fusions": ["source", "target", "concat"],
+        "fusions": ["target", "concat"],
         "steps": [1, 2],
         "sampling": {"samplers": ["ddpm", "ddim"], "draws": {CF: 2, CB: 1}},
         "hypotheses": [1, 2],
@@ -128,7 +132,7 @@ def refusal(stage: str, argv: list[str]) -> str:
         stage_main(stage)(argv)
 
     with pytest.raises(SystemExit) as stop:
-        run(main)
+        run(main, stage)
     said = stop.value.code
     assert isinstance(said, str), f"{stage} ended with exit code {said}"  # a str is exit code 1
     assert "\n" not in said
@@ -147,7 +151,7 @@ def standing_in(folder: Path) -> Iterator[None]:
         for name in [name for name in os.environ if name.startswith("DVC_")]:
             patch.delenv(name)
         patch.setenv("DVC_ROOT", str(folder))
-        patch.setattr("pipeline.timing.in_a_child", lambda work: work())  # Open3D is loaded here
+        patch.setattr("stages.time.in_a_child", lambda work: work())  # Open3D is loaded here
         patch.chdir(folder)
         yield
     torch.use_deterministic_algorithms(False)

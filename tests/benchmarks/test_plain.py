@@ -8,8 +8,8 @@ import torch
 from torch import Tensor, nn
 
 from benchmarks.plain import PlainCB, PlainCF
-from pcrdiff.data.corruption import draw_pose
 from pcrdiff.diffusion.sampling import Walk
+from pcrdiff.geometry.random_pose import draw_pose
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF

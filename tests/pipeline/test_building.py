@@ -1,21 +1,19 @@
 """From the names in params.yaml to methods."""
 
-from pathlib import Path
-
 import pytest
 import torch
 
 from pcrdiff.registration import LearnedMethod, Method
 from pipeline.building import LEARNED, build_classical, build_learned, settings_of
-from pipeline.params import DIFFUSED, Params, read_params
-from pipeline.profiles import profile_values
+from pipeline.params import DIFFUSED, Params
+from pipeline.profiles import read_profile
 from tests.described import REPOSITORY
 from tests.pipeline.test_artifacts import made_up_pairs
 
 
 @pytest.fixture(scope="module")
-def params(repository: Path) -> Params:
-    return read_params(repository / "params.yaml")
+def params() -> Params:
+    return read_profile(REPOSITORY, "tables")
 
 
 def test_every_classical_method_is_built_once_per_setting(params: Params) -> None:
@@ -35,10 +33,9 @@ def test_every_learned_method_is_built(params: Params) -> None:
             assert method.name == name
 
 
-def test_every_learned_method_is_trained_in_the_tables() -> None:
-    tables = Params.model_validate(profile_values(REPOSITORY, "tables"))
-    assert tables.trainings.keys() == LEARNED.keys()
-    assert {*tables.run.diffused, *tables.run.baselines} == LEARNED.keys()
+def test_every_learned_method_is_trained_in_the_tables(params: Params) -> None:
+    assert params.trainings.keys() == LEARNED.keys()
+    assert {*params.run.diffused, *params.run.baselines} == LEARNED.keys()
 
 
 def test_the_settings_reach_the_methods(params: Params) -> None:

@@ -9,14 +9,13 @@ from torch import Tensor
 
 from pcrdiff.evaluation import Estimates
 from pcrdiff.registration import Pairs
-from pipeline import evaluating
+from pipeline import building
 from pipeline.artifacts import read_pairs, write_weights
+from pipeline.building import load_learned, load_settings
 from pipeline.evaluating import (
     answer,
     answer_settings,
     headline,
-    load_learned,
-    load_settings,
     mean_error_r_deg,
 )
 from pipeline.params import Params, read_params
@@ -109,7 +108,7 @@ def test_a_constant_is_taken_from_the_training_pairs_and_not_from_the_test_pairs
         asked.append(split)
         return read_pairs(path, split)
 
-    monkeypatch.setattr(evaluating, "read_pairs", read)
+    monkeypatch.setattr(building, "read_pairs", read)
     for name in ("identity", "icp"):
         load_settings(read_params(), name, project / PAIRS, None)
     assert asked == []

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 REPOSITORY = Path(__file__).parents[2]
 STAGES = {  # stage: a metric of its own, and the value it ends at
     "train@kitti-cb": ("val_error_r_deg", 1.375),
-    "evaluate_classical@kitti": ("icp", 2.625),
+    "evaluate_classical@icp": ("icp", 2.625),
     "report": ("cb.kitti", 3.125),
 }
 PATIENCE = 60_000

@@ -18,6 +18,7 @@ import torch
 
 from pcrdiff.geometry.precision import SearchPrecision, search_precision, set_search_precision
 from pcrdiff.spreading import in_turn
+from pipeline import spreading
 from pipeline.params import Compute
 from pipeline.spreading import AHEAD, _call_there, spread_over
 from tests.described import REPOSITORY
@@ -180,7 +181,7 @@ def main():
     resource.setrlimit(resource.RLIMIT_NOFILE, (60, 60))
     list(spread_over(Compute(workers=200, scheduler=None), threads=1)(negate, range(9)))
 
-run(main)
+run(main, "test")
 """
     done = subprocess.run(
         [sys.executable, "-c", script],
@@ -237,7 +238,10 @@ def tell(compute: dict[str, object]) -> None:
     write_params(params)
 
 
-def test_a_scheduler_that_is_not_there_is_one_sentence_within_seconds(project: Path) -> None:
+def test_a_scheduler_that_is_not_there_is_one_sentence_within_seconds(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(spreading, "PATIENCE_S", 1)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -253,7 +257,7 @@ def test_a_scheduler_that_is_not_there_is_one_sentence_within_seconds(project: P
 STAGES = (
     f"preprocess@{SCENARIO}",
     f"evaluate@{CF}",
-    f"evaluate_classical@{SCENARIO}",
+    "evaluate_classical@icp",
     "ablate_steps",
     "ablate",
 )
@@ -300,7 +304,10 @@ def test_stages_write_the_same_bytes_by_dask_on_two_workers(project: Path) -> No
 
 
 @pytest.mark.slow
-def test_a_scheduler_without_workers_is_one_sentence(project: Path) -> None:
+def test_a_scheduler_without_workers_is_one_sentence(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(spreading, "PATIENCE_S", 2)
     with dask_cluster(project, workers=0) as scheduler:
         spread = spread_over(Compute(workers=1, scheduler=scheduler), threads=1)
         with pytest.raises(ConnectionError, match=f"needs a `dask worker {scheduler}`"):

@@ -16,13 +16,13 @@ def ending(error: BaseException) -> object:
         raise error
 
     with pytest.raises(SystemExit) as stop:
-        run(main)
+        run(main, __name__)
     return stop.value.code
 
 
 def test_a_stage_that_does_its_work_ends_quietly(capsys: pytest.CaptureFixture[str]) -> None:
     done: list[int] = []
-    run(lambda: done.append(1))
+    run(lambda: done.append(1), "train")
     assert done == [1]
     assert capsys.readouterr() == ("", "")
 
@@ -73,7 +73,7 @@ def test_a_mistake_in_the_program_keeps_its_traceback() -> None:
         raise AttributeError("no such thing")
 
     with pytest.raises(AttributeError):
-        run(main)
+        run(main, "train")
 
 
 def test_the_process_ends_with_one_line_and_code_1(tmp_path: Path, repository: Path) -> None:
@@ -81,11 +81,11 @@ def test_the_process_ends_with_one_line_and_code_1(tmp_path: Path, repository: P
     script.write_text(
         "from pipeline.stage import run\n"
         "def main():\n    raise ValueError('a.h5 needs\\nschema 1')\n"
-        "run(main)\n"
+        "run(main, 'train')\n"
     )
     environment = {"PYTHONPATH": str(repository)}
     done = subprocess.run(
         [sys.executable, str(script)], env=environment, capture_output=True, text=True
     )
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == f"{script.stem}: a.h5 needs schema 1\n"
+    assert done.stderr == "train: a.h5 needs schema 1\n"

@@ -66,8 +66,8 @@ def test_anchors_and_merged_keys_are_read(tmp_path: Path) -> None:
 def test_params_that_dvc_has_set_are_read(tmp_path: Path, text: str) -> None:
     path = tmp_path / "params.yaml"
     write_yaml(path, read_repository_params())
-    apply_overrides(path, [f"train.pcrnet.learning_rate={text}"])
-    assert read_params(path).train.pcrnet.learning_rate == 1e-5
+    apply_overrides(path, [f"train.pcrdiffusion_cf.learning_rate={text}"])
+    assert read_params(path).train.pcrdiffusion_cf.learning_rate == 1e-5
 
 
 def test_a_seed_is_the_one_that_dvc_compares(tmp_path: Path) -> None:

@@ -36,9 +36,8 @@ ODD = {
     "PYTHONUTF8": "0",
     "PYTHONCOERCECLOCALE": "0",
     "TZ": "Asia/Kolkata",
-    "ONEDNN_MAX_CPU_ISA": "AVX2",
-    "ATEN_CPU_CAPABILITY": "avx2",
 }
+"""Not the processor's instructions: sums in wider registers are rounded in another order."""
 
 
 def hold() -> None:

@@ -30,16 +30,12 @@ PAIRS_OF_TEST = 3
 
 def written(method: str) -> Path:
     """Where a method's answers lie."""
-    family = "classical" if method in CLASSICAL else method
-    return Path("results", family, SCENARIO, f"{method}.csv")
+    return Path("results", method, f"{SCENARIO}.csv")
 
 
 def run_evaluate(method: str) -> None:
-    if method in CLASSICAL:
-        run_instance(instance(f"evaluate_classical@{SCENARIO}"))
-    else:
-        group = "evaluate" if method in (CF, CB) else "evaluate_baselines"
-        run_instance(instance(f"{group}@{method}"))
+    group = "evaluate" if method in (CF, CB) else "evaluate_baselines"
+    run_instance(instance(f"{'evaluate_classical' if method in CLASSICAL else group}@{method}"))
 
 
 def rows(method: str) -> list[dict[str, str]]:

@@ -35,7 +35,7 @@ def loaded_by(name: str) -> set[str]:
         ("train@modelnet40-unseen_objects-pcrdiffusion_cf", set()),
         ("evaluate@pcrdiffusion_cb", set()),
         ("evaluate_baselines@rpmnet", set()),
-        ("evaluate_classical@modelnet40-unseen_objects", {"open3d"}),
+        ("evaluate_classical@icp", {"open3d"}),
     ],
 )
 def test_a_stage_loads_only_what_it_uses(name: str, used: set[str]) -> None:

@@ -374,7 +374,7 @@ def test_the_weights_of_another_method(project: Path) -> None:
 
 def ended(stage: str, argv: list[str]) -> str:
     """What a stage that runs by itself says last; it has to end with code 1, without traceback."""
-    command = [sys.executable, "-m", f"stages.{stage}", *argv]
+    command = [sys.executable, "-m", "stages", stage, *argv]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (1, "")
     assert "Traceback" not in done.stderr

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.params import read_params
-from pipeline.timing import COLUMNS
+from stages.time import COLUMNS
 from tests.tiny import CF, PAIRS, files_below, instance, refusal
 
 
@@ -33,7 +33,7 @@ def test_writes_what_each_of_the_first_pairs_took_in_each_setting(
 @pytest.mark.slow
 def test_a_process_of_its_own_times_every_method(project: Path) -> None:
     shutil.rmtree(project / "results/times")
-    command = [sys.executable, "-m", "stages.time", *instance("time").argv]
+    command = [sys.executable, "-m", "stages", "time", *instance("time").argv]
     subprocess.run(command, check=True, timeout=300)
     params = read_params()
     timed = [*params.run.classical, *params.run.diffused, *params.run.baselines]

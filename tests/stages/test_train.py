@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import checkpoints, training
+from pipeline import checkpoints
 from pipeline.artifacts import read_weights
+from stages import train as training
 from tests.described import REPOSITORY
 from tests.tiny import (
     CB,
@@ -128,7 +129,7 @@ def test_a_baseline_writes_the_same_bytes_for_each_scenario_again(
 def test_of_several_trainings_in_a_stage_those_that_were_done_go_on_from_their_end(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    files = sorted((project / "models" / "ablations" / "diffusion" / "with").rglob("*.*"))
+    files = sorted((project / "models" / "ablations" / "diffusion" / "without").rglob("*.*"))
     before = {path: path.read_bytes() for path in files}
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN", 0.0)
     seen: list[int] = []
@@ -142,11 +143,11 @@ def test_of_several_trainings_in_a_stage_those_that_were_done_go_on_from_their_e
     with monkeypatch.context() as patch:
         patch.setattr(training, "bar", bar)
         with pytest.raises(Killed):
-            run_instance(instance("train_diffusion@with"))
+            run_instance(instance("train_diffusion@without"))
     assert len(list(CHECKPOINTS.glob("*/latest.safetensors"))) == 2
     again: list[int] = []
     monkeypatch.setattr(training, "bar", counted_in(again))
-    run_instance(instance("train_diffusion@with"))
+    run_instance(instance("train_diffusion@without"))
     assert again == [1]
     assert {path: path.read_bytes() for path in files} == before
     assert files_below(project / CHECKPOINTS) == []
@@ -217,7 +218,7 @@ def test_two_processes_train_as_one_does_and_go_on_when_killed_with_the_same_byt
     project: Path,
 ) -> None:
     alone = curve_of(CF)
-    done = run_two("stages.train")
+    done = run_two("stages", "train")
     assert done.returncode == 0, done.stderr
     whole = outputs(CF)
     for ours, theirs in zip(curve_of(CF), alone, strict=True):
@@ -229,7 +230,7 @@ def test_two_processes_train_as_one_does_and_go_on_when_killed_with_the_same_byt
     assert killed.returncode == -signal.SIGKILL
     assert outputs(CF) == {}
     assert len(list(CHECKPOINTS.glob("*/latest.safetensors"))) == 1
-    resumed = run_two("stages.train")
+    resumed = run_two("stages", "train")
     assert resumed.returncode == 0, resumed.stderr
     assert " 2/2 " in resumed.stderr  # of the bar: the first of three epochs is done
     assert outputs(CF) == whole
@@ -242,8 +243,8 @@ def test_a_process_that_dies_takes_the_other_with_it(project: Path, how: str) ->
     forget(CF)
     done = run_two("tests.stages.train_broken", how, "1")
     assert done.returncode != 0
-    said = [line for line in done.stderr.splitlines() if line.startswith("train_broken: ")]
-    lost = "train_broken: process 0 of 2 ends because it has lost another; "
+    said = [line for line in done.stderr.splitlines() if line.startswith("train: ")]
+    lost = "train: process 0 of 2 ends because it has lost another; "
     noticed = [True]
     if done.returncode == -signal.SIGKILL:  # Fabric looks every five seconds, and was first
         noticed = []
@@ -251,7 +252,7 @@ def test_a_process_that_dies_takes_the_other_with_it(project: Path, how: str) ->
     assert [line.startswith(lost) for line in said] == (
         [False, *noticed] if how == "raises" else noticed
     )
-    assert ("train_broken: a made-up mistake" in said) == (how == "raises")
+    assert ("train: a made-up mistake" in said) == (how == "raises")
     assert "Traceback" not in done.stderr
     assert outputs(CF) == {}
     assert processes_of(project) == [Path(f"/proc/{os.getpid()}/cwd")]

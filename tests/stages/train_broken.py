@@ -28,4 +28,4 @@ def run_epoch(self: Trainer, epoch: int) -> None:
 if __name__ == "__main__":
     checkpoints.SECONDS_BETWEEN = 0.0
     Trainer.run_epoch = run_epoch  # type: ignore[method-assign]
-    run(lambda: main(sys.argv[3:]))
+    run(lambda: main(sys.argv[3:]), "train")

@@ -48,7 +48,7 @@ FINDINGS = (
 PROVENANCE = Provenance(
     revision="0123456789abcdef0123456789abcdef01234567",
     changed=("params.yaml",),
-    digests={"data/pairs/kitti.h5": "d" * 32, "results/classical/kitti": "e" * 32},
+    digests={"data/pairs/kitti.h5": "d" * 32, "results/icp": "e" * 32},
     python="3.11.9",
     packages={"numpy": "2.0.0", "torch": "2.4.0"},
 )
@@ -97,7 +97,7 @@ def _write_other_methods(results: Path, pairs: Path, scenario: str) -> None:
 def _ablation_trainings() -> list[Training]:
     budget = {"epochs": 10, "steps": 380, "batch_size": 32, "train_pairs": 1216}
     settings = ("representation=euler,scaling=raw", "representation=twist,scaling=standardised")
-    return [Training(UNSEEN_OBJECTS, CB, budget, {}, setting) for setting in settings]
+    return [Training(UNSEEN_OBJECTS, CB, budget, {}, (setting,)) for setting in settings]
 
 
 def _walks(pairs: Path, scenario: str) -> list[Walk]:

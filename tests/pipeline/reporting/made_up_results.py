@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from pcrdiff.registration import SPLITS, Pairs
 from pipeline import artifacts
 from pipeline.artifacts import POSE
-from pipeline.reporting.paper import UNSEEN_OBJECTS, VALUES, shown
+from pipeline.reporting.paper import UNSEEN_OBJECTS, VALUES
 from pipeline.reporting.result_files import COLUMNS, EULER, SHIFT
 from pipeline.walks import Walk
 from pipeline.walks import write_walks as write_the_walks
@@ -107,8 +107,7 @@ def write_everything(
             write_training(models / method / scenario, generator, scenario=scenario, method=method)
             write_walks(results / "walks" / scenario / f"{method}.csv", method, poses, generator)
     if UNSEEN_OBJECTS in scenarios:
-        for name, answers in ABLATED.items():
-            write_ablation(results / "ablations" / f"{name}.csv", answers, pairs)
+        write_ablations(results / "ablations", pairs)
         write_ablated_trainings(models / "ablations")
         for method in methods:
             write_times(results / "times" / f"{method}.csv", method, min(pairs, 5))
@@ -116,8 +115,17 @@ def write_everything(
 
 def result_file(results: Path, scenario: str, method: str) -> Path:
     """Give the file that a method's answers on a scenario are in."""
-    family = method if shown(method).kind == "learned" else "classical"
-    return results / family / scenario / f"{method}.csv"
+    return results / method / f"{scenario}.csv"
+
+
+def write_ablations(folder: Path, pairs: int) -> None:
+    """Write a file for each ablation; for the one of noise, one for each method."""
+    for name, answers in ABLATED.items():
+        if name != "noise":
+            write_ablation(folder / f"{name}.csv", answers, pairs)
+            continue
+        for method, found in answers.items():
+            write_ablation(folder / name / f"{method}.csv", {method: found}, pairs)
 
 
 def write_ablation(file: Path, answers: Mapping[str, Mapping[str, float]], pairs: int) -> None:
@@ -141,8 +149,14 @@ def write_ablated_trainings(folder: Path) -> None:
             for setting in settings:
                 value, *scaling = (part.partition("=")[2] for part in setting.split(","))
                 place = folder / name / value / "-".join([method, *scaling])
-                told = {"scenario": UNSEEN_OBJECTS, "method": method, "setting": setting}
-                write_training(place, generator, epochs=6, **told)
+                write_training(
+                    place,
+                    generator,
+                    scenario=UNSEEN_OBJECTS,
+                    method=method,
+                    epochs=6,
+                    settings=[setting],
+                )
 
 
 def write_times(file: Path, method: str, pairs: int) -> None:
@@ -245,7 +259,7 @@ def write_rows(file: Path, rows: list[dict[str, object]]) -> Path:
 
 
 def write_training(
-    folder: Path, generator: np.random.Generator, epochs: int = 30, **told: str
+    folder: Path, generator: np.random.Generator, epochs: int = 30, **told: object
 ) -> None:
     """Write a training curve that falls, ``curve.csv``, and ``facts.json``."""
     folder.mkdir(parents=True)

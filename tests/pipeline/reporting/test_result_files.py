@@ -17,7 +17,7 @@ from tests.pipeline.reporting.made_up_results import (
     write_rows,
 )
 
-FILE = "classical/modelnet40-unseen_objects/icp.csv"
+FILE = "icp/modelnet40-unseen_objects.csv"
 
 
 @pytest.fixture
@@ -55,26 +55,28 @@ def test_refuses_an_empty_folder(tmp_path: Path) -> None:
 def test_refuses_a_file_cut_anywhere_in_a_line(file: Path, kept: float) -> None:
     content = file.read_bytes()
     file.write_bytes(content[: int(kept * len(content))])
-    with pytest.raises(ValueError, match=r"icp\.csv needs"):
-        read_results(file.parents[2])
+    with pytest.raises(ValueError, match=r"unseen_objects\.csv needs"):
+        read_results(file.parents[1])
 
 
 def test_refuses_a_file_cut_between_lines_when_a_neighbour_has_more(file: Path) -> None:
-    write_rows(file.with_name("fgr.csv"), [plain_row(pair) for pair in range(2)])
-    with pytest.raises(ValueError, match=r"fgr\.csv needs all 3 pairs .* has 2"):
-        read_results(file.parents[2])
+    write_rows(file.parents[1] / "fgr" / file.name, [plain_row(pair) for pair in range(2)])
+    with pytest.raises(ValueError, match=r"fgr/\S+\.csv needs all 3 pairs .* has 2"):
+        read_results(file.parents[1])
 
 
 def test_refuses_a_pair_twice(tmp_path: Path) -> None:
     write_rows(tmp_path / FILE, [plain_row(0), plain_row(0)])
-    with pytest.raises(ValueError, match=r"icp\.csv .* pair 0 twice"):
+    with pytest.raises(ValueError, match=r"unseen_objects\.csv .* pair 0 twice"):
         read_results(tmp_path)
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "", "one"])
 def test_refuses_what_is_no_finite_number(tmp_path: Path, text: str) -> None:
     write_rows(tmp_path / FILE, [plain_row(0) | {"error_t": text}])
-    with pytest.raises(ValueError, match=r"icp\.csv needs a finite number in column error_t"):
+    with pytest.raises(
+        ValueError, match=r"unseen_objects\.csv needs a finite number in column error_t"
+    ):
         read_results(tmp_path)
 
 
@@ -82,10 +84,12 @@ def test_refuses_missing_and_unknown_columns(tmp_path: Path) -> None:
     row = plain_row(0)
     del row["ty"]
     write_rows(tmp_path / FILE, [row])
-    with pytest.raises(ValueError, match=r"icp\.csv needs the columns ty"):
+    with pytest.raises(ValueError, match=r"unseen_objects\.csv needs the columns ty"):
         read_results(tmp_path)
     write_rows(tmp_path / FILE, [plain_row(0) | {"colour": "red"}])
-    with pytest.raises(ValueError, match=r"icp\.csv has columns nobody here reads: colour"):
+    with pytest.raises(
+        ValueError, match=r"unseen_objects\.csv has columns nobody here reads: colour"
+    ):
         read_results(tmp_path)
 
 
@@ -126,7 +130,8 @@ def test_refuses_an_ablations_training_without_its_setting(tmp_path: Path) -> No
     file.parent.mkdir(parents=True)
     file.write_text('{"scenario": "kitti", "method": "pcrdiffusion_cf"}')
     with pytest.raises(
-        ValueError, match=r"cf/facts\.json needs the names of scenario, method, setting, has"
+        ValueError,
+        match=r"cf/facts\.json needs the names of its settings if of an ablation, has None",
     ):
         read_trainings(tmp_path)
 

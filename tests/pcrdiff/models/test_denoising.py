@@ -4,9 +4,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from pcrdiff.denoising import best_fit, misfit, walk_back
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.geometry.rigid import invert, pose_vector, transform
+from pcrdiff.models.denoising import best_fit, misfit, walk_back
 from pcrdiff.models.pose_space import PoseSpace
 from tests.pcrdiff.made_up_clouds import made_up_pairs, random_poses, seeded, small_pose
 

@@ -12,7 +12,7 @@ from pcrdiff.data.acquisition import read_digests, write_manifest
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.registration import Pairs
 from pipeline.params import Scenario, read_params
-from pipeline.preprocessing import (
+from stages.preprocess import (
     LICENCES,
     READERS,
     SYNTHETIC_LICENCE,

@@ -1,17 +1,20 @@
 """The ablations vary one thing."""
 
+import csv
 from pathlib import Path
 
 import pytest
 import torch
 from torch import Tensor
 
-from pipeline.ablating import ABLATIONS, Given, ablate_steps, add_noise
 from pipeline.artifacts import read_pairs
-from pipeline.evaluating import answer_settings, load_settings
+from pipeline.building import load_settings
+from pipeline.evaluating import answer_settings
 from pipeline.params import read_params
+from stages.ablate import ABLATIONS, Given, ablate_steps
+from stages.ablate_noise import add_noise
 from tests.described import expand, read_repository_params
-from tests.tiny import CB, CF, PAIRS, weights
+from tests.tiny import CB, CF, PAIRS, SCENARIO, tiny_params, weights
 
 MODELS = Path("models")
 WALKS = [
@@ -27,9 +30,8 @@ SETTINGS = {
     "fusion": ["fusion=source", "fusion=target", "fusion=concat"],
     "steps": WALKS,
     "hypotheses": ["hypotheses=1", "hypotheses=2"],
-    "noise": ["noise=0", "noise=0.02"],
 }
-METHODS = {"fusion": [CF], "noise": ["identity", CF]}
+METHODS = {"fusion": [CF]}
 
 
 def given(project: Path) -> Given:
@@ -88,6 +90,19 @@ def test_without_diffusion_the_walk_does_not_matter(project: Path) -> None:
         assert not torch.allclose(a, b, atol=1e-6)
 
 
+@pytest.mark.usefixtures("project")
+@pytest.mark.parametrize("method", ["identity", CF])
+def test_without_noise_a_method_answers_as_evaluated_and_with_noise_otherwise(method: str) -> None:
+    _, *rows = csv.reader(Path(f"results/ablations/noise/{method}.csv").read_text().splitlines())
+    _, *plain = csv.reader(Path(f"results/{method}/{SCENARIO}.csv").read_text().splitlines())
+    assert [row[:1] + row[4:5] for row in rows] == [
+        [method, setting] for setting in ("noise=0", "noise=0.02") for _ in plain
+    ]
+    clean, noisy = ([row[5:] for row in rows if row[4] == f"noise={n}"] for n in ("0", "0.02"))
+    assert clean == [row[4:] for row in plain]
+    assert (noisy == clean) == (method == "identity")
+
+
 def test_noise_has_the_deviation_it_says_and_grows_from_the_same_draw(project: Path) -> None:
     pairs = read_pairs(project / PAIRS, "test")
     little, much = (add_noise(pairs, deviation, seed=3) for deviation in (0.01, 0.02))
@@ -111,3 +126,5 @@ def test_dvc_yaml_runs_every_ablation() -> None:
     stages = [s for s in expand(read_repository_params()) if s.template.startswith("ablate")]
     files = [Path(out) for stage in stages for out in stage.outs]
     assert sorted(file.stem for file in files) == sorted(ABLATIONS)
+    noisy = [s for s in expand(tiny_params()) if s.template == "ablate_noise"]
+    assert [stage.item["method"] for stage in noisy] == ["identity", CF]

@@ -11,9 +11,8 @@ from typing import Any
 
 import pytest
 
-from pipeline import acquiring
-from pipeline.acquiring import WRITERS, acquire
 from pipeline.params import Acquire
+from stages.acquire import WRITERS, acquire
 from tests.described import REPOSITORY
 from tests.tiny import files_below, write_boxes
 
@@ -121,6 +120,18 @@ def test_a_temporary_workspace_does_not_take_the_place_of_the_project_s_own_data
     monkeypatch.chdir(blank / "temporary")
     with pytest.raises(ValueError, match="needs a folder apart from data/raw"):
         acquire(section("modelnet40", "local", "data/raw"), Path("data/raw"), seed=7)
+
+
+@pytest.mark.parametrize("source", ["synthetic", "local"])
+def test_an_experiment_in_another_folder_acquires_there(
+    blank: Path, monkeypatch: pytest.MonkeyPatch, source: str
+) -> None:
+    """DVC_ROOT stays the project's, where nothing is written; a local root is the project's."""
+    (blank / "temporary").mkdir()
+    monkeypatch.chdir(blank / "temporary")
+    acquire(section("modelnet40", source, "boxes"), Path("data/raw"), seed=7)
+    assert (blank / "temporary" / "data" / "raw" / "manifest.json").is_file()
+    assert not (blank / "data").exists()
 
 
 @pytest.mark.parametrize("source", ["synthetic", "local"])
@@ -264,7 +275,7 @@ def test_a_failure_on_the_way_leaves_the_old_data_set_and_nothing_else(
     blank: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
     acquire(section("modelnet40", "local", "boxes"), blank / "data" / "raw", seed=7)
-    monkeypatch.setitem(acquiring.WRITERS, "kitti", failing(error))
+    monkeypatch.setitem(WRITERS, "kitti", failing(error))
     with pytest.raises(type(error)):
         acquire(section("kitti"), blank / "data" / "raw", seed=7)
     assert files_below(blank / "data") == ["raw/manifest.json"]

@@ -11,8 +11,8 @@ from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pipeline.params import read_params
-from pipeline.walking import follow, follow_walks
 from pipeline.walks import read_walks, write_walks
+from stages.walk import follow, follow_walks
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from tests.pcrdiff.methods.made_up_methods import make_cb, make_cf
 from tests.tiny import CF, PAIRS

@@ -10,12 +10,12 @@ import pytest
 import torch
 from torch import Tensor
 
+from pipeline.machine import resident
 from pipeline.params import read_params
-from pipeline.timing import (
+from stages.time import (
     COLUMNS,
     Cost,
     mean_seconds,
-    resident,
     time_all,
     time_pairs,
     write_costs,
@@ -54,9 +54,10 @@ def test_every_pair_is_timed_after_the_warm_up_even_where_the_method_fails() -> 
 
 
 IN_A_FRESH_PROCESS = """
-from tests.pipeline.test_timing import Slow
+from tests.stages.test_time_pairs import Slow
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
-from pipeline.timing import resident, time_pairs
+from pipeline.machine import resident
+from stages.time import time_pairs
 pairs = made_up_pairs(2, 20, generator=seeded(0))
 before = resident("VmRSS")
 for mebibytes in (64, 1):  # the second setting has what the first allocated
@@ -85,7 +86,7 @@ def test_every_method_is_timed_in_each_of_its_settings_on_as_many_pairs_as_asked
 
 ALONE = """
 import os
-from pipeline.timing import in_a_child
+from stages.time import in_a_child
 def fail():
     raise ValueError("no weights")
 print(len({os.getpid(), in_a_child(os.getpid), in_a_child(os.getpid)}))
