@@ -13,7 +13,7 @@ from pcrdiff.models.losses import chamfer_loss
 from pcrdiff.models.matching import sinkhorn
 from pcrdiff.models.pointnet import PointNet
 from pcrdiff.models.structure import DESCRIPTOR_DIM, StructureEmbedding
-from pipeline.benchmark_files import Ceiling
+from pipeline.formats.benchmarks import Ceiling
 
 WIDTHS = (64, 64, 64, 128, 1024)  # the paper's encoder
 DIM, NEIGHBOURS, SINKHORN = 128, 16, 5  # the paper's CB

@@ -5,9 +5,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from pcrdiff.registration import Pairs
-from pipeline.artifacts import WEIGHTS, read_pairs, write_pairs
-from pipeline.params import PairCounts, Params
-from pipeline.profiles import read_profile
+from pipeline.formats.pairs import read_pairs, write_pairs
+from pipeline.formats.weights import WEIGHTS
+from pipeline.settings.params import PairCounts, Params
+from pipeline.settings.profiles import read_profile
 from stages.preprocess import preprocess
 
 SCENARIO = "modelnet40-gaussian_noise"

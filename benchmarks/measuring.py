@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from pcrdiff.geometry.precision import search_precision
-from pipeline.benchmark_files import Ratio
+from pipeline.formats.benchmarks import Ratio
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from torch import Tensor
 
 from pcrdiff.geometry.random_pose import draw_pose
 from pcrdiff.geometry.rigid import transform
-from pipeline.building import build_learned, settings_of
-from pipeline.machine import resident, settle
-from pipeline.params import read_params
+from pipeline.catalogue import build_learned, settings_of
+from pipeline.compute.machine import resident, settle
+from pipeline.settings.params import read_params
 
 POINTS = (512, 1024, 2048, 4096, 8192, 16384)
 SEMI_AXES = (0.9, 0.6, 0.4)  # of the ellipsoid that is registered

@@ -18,11 +18,12 @@ from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.geometry.precision import SearchPrecision, set_search_precision
 from pcrdiff.registration import Pairs
 from pcrdiff.training import Budget, FreshPoses, Trainer, train
-from pipeline.artifacts import read_pairs, write_csv
-from pipeline.building import build_untrained
-from pipeline.machine import settle
-from pipeline.params import Params, read_params
-from pipeline.progress import bar
+from pipeline.catalogue import build_untrained
+from pipeline.compute.machine import settle
+from pipeline.compute.progress import bar
+from pipeline.formats.files import write_csv
+from pipeline.formats.pairs import read_pairs
+from pipeline.settings.params import Params, read_params
 
 SEARCHES: tuple[SearchPrecision, ...] = ("float32", "bfloat16")
 SCENARIO, METHOD = "modelnet40-unseen_objects", "pcrdiffusion_cf"

@@ -14,16 +14,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.measuring import Comparison, alternate
-from pcrdiff.bindings.native import open3d
+from pcrdiff.bindings.open3d import open3d
 from pcrdiff.data.modelnet40 import read_items
 from pcrdiff.data.raw import RawItem
 from pcrdiff.data.scenarios import Corruption, make_pairs
 from pcrdiff.data.synthetic.modelnet40 import write_modelnet40
-from pipeline.artifacts import Streamed, write_pairs
-from pipeline.machine import forget_peak, resident
-from pipeline.params import Compute
-from pipeline.progress import bar
-from pipeline.spreading import spread_over
+from pipeline.compute.machine import forget_peak, resident
+from pipeline.compute.progress import bar
+from pipeline.compute.workers import spread_over
+from pipeline.formats.pairs import Streamed, write_pairs
+from pipeline.settings.params import Compute
 
 NUM_POINTS, WORKERS = 2048, 2
 REAL_TIMES = 12  # there are few real ones at hand

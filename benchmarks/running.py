@@ -9,10 +9,10 @@ from benchmarks.effort import DRY, FULL, Effort
 from benchmarks.inputs import needed_stages
 from benchmarks.measuring import compare, describe_environment
 from benchmarks.threads import every_processor
-from pipeline.benchmark_files import Benchmarks, PeakMemory, Ratio, write_benchmarks
-from pipeline.machine import settle
-from pipeline.params import Params, read_params
-from pipeline.progress import bar
+from pipeline.compute.machine import settle
+from pipeline.compute.progress import bar
+from pipeline.formats.benchmarks import Benchmarks, PeakMemory, Ratio, write_benchmarks
+from pipeline.settings.params import Params, read_params
 
 FOLDER = Path("benchmarks")
 THREADS = 1

@@ -15,8 +15,8 @@ from benchmarks.plain import Losses, PlainCB, PlainCF
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.registration import Pairs
-from pipeline.building import build_untrained
-from pipeline.params import Params
+from pipeline.catalogue import build_untrained
+from pipeline.settings.params import Params
 from stages.train import VALIDATION_WALK
 
 WARM_UP = 2

@@ -9,9 +9,8 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from pcrdiff.progress import Progress, silent
+from pcrdiff.loops import Progress, Spread, in_turn, silent
 from pcrdiff.registration import Method, Normals, Pairs
-from pcrdiff.spreading import Spread, in_turn
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ Normals = Literal["given", "estimated"]
 
 @dataclass(frozen=True)
 class Pairs:
-    """Registration problems with known answers; see ``pipeline.artifacts`` for the file."""
+    """Registration problems with known answers; see ``pipeline.formats.pairs`` for the file."""
 
     source: Float[Tensor, "pairs n 3"]
     target: Float[Tensor, "pairs m 3"]

@@ -14,8 +14,8 @@ from pcrdiff.diffusion.shares import Share, SharedGenerator
 from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.random_pose import draw_pose
 from pcrdiff.geometry.rigid import invert, transform
+from pcrdiff.loops import Progress, silent
 from pcrdiff.processes import ALONE, Loss, Processes
-from pcrdiff.progress import Progress, silent
 from pcrdiff.registration import LearnedMethod, Pairs
 
 WARM_UP, FLOOR = 0.05, 0.02  # share of a cosine schedule spent rising, and where it ends

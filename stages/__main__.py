@@ -8,7 +8,7 @@ import sys
 from functools import partial
 from importlib import import_module
 
-from pipeline.stage import run
+from pipeline.compute.stage import run
 
 if __name__ == "__main__":
     name, *arguments = sys.argv[1:]

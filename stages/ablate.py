@@ -16,13 +16,15 @@ from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.evaluation import Estimates
 from pcrdiff.geometry.precision import search_precision
 from pcrdiff.registration import Pairs
-from pipeline.artifacts import WEIGHTS, read_pairs, write_ablation
-from pipeline.building import Diffused, load_diffused, load_learned
-from pipeline.evaluating import answer, answer_all
-from pipeline.machine import settle
-from pipeline.params import Diffusion, Params, pick, read_params
-from pipeline.tracking import journal
-from pipeline.variants import TRAINED, folder_of, setting_of, variants
+from pipeline.answering import answer, answer_all
+from pipeline.catalogue import Diffused, load_diffused, load_learned
+from pipeline.compute.machine import settle
+from pipeline.formats.answers import write_ablation
+from pipeline.formats.pairs import read_pairs
+from pipeline.formats.weights import WEIGHTS
+from pipeline.settings.params import Diffusion, Params, pick, read_params
+from pipeline.settings.variants import TRAINED, folder_of, setting_of, variants
+from pipeline.tracking.journal import journal
 
 
 def main(argv: list[str] | None = None) -> None:

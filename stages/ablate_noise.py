@@ -14,13 +14,15 @@ from torch import Tensor
 from pcrdiff.data.corruption import jitter
 from pcrdiff.geometry.precision import search_precision
 from pcrdiff.registration import Pairs
-from pipeline.artifacts import WEIGHTS, read_pairs, write_ablation
-from pipeline.building import load_settings
-from pipeline.evaluating import answer
-from pipeline.machine import settle
-from pipeline.params import learned_names, read_params
-from pipeline.seeding import stream
-from pipeline.tracking import journal
+from pipeline.answering import answer
+from pipeline.catalogue import load_settings
+from pipeline.compute.machine import settle
+from pipeline.formats.answers import write_ablation
+from pipeline.formats.pairs import read_pairs
+from pipeline.formats.weights import WEIGHTS
+from pipeline.settings.params import learned_names, read_params
+from pipeline.settings.seeding import stream
+from pipeline.tracking.journal import journal
 
 
 def main(argv: list[str] | None = None) -> None:

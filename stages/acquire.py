@@ -15,11 +15,11 @@ from pcrdiff.data.acquisition import (
 from pcrdiff.data.synthetic.kitti import write_kitti
 from pcrdiff.data.synthetic.modelnet40 import write_modelnet40
 from pcrdiff.data.synthetic.threedmatch import write_threedmatch
-from pipeline.invocation import project_root
-from pipeline.params import Acquire, pick, read_params
-from pipeline.progress import bar
-from pipeline.seeding import stream
-from pipeline.tracking import journal
+from pipeline.compute.progress import bar
+from pipeline.settings.params import Acquire, pick, read_params
+from pipeline.settings.seeding import stream
+from pipeline.tracking.journal import journal
+from pipeline.tracking.run import project_root
 
 
 def main(argv: list[str] | None = None) -> None:

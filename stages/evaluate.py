@@ -5,12 +5,14 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pcrdiff.geometry.precision import search_precision
-from pipeline.artifacts import WEIGHTS, read_pairs, write_estimates
-from pipeline.building import load_settings
-from pipeline.evaluating import answer_settings, headline, mean_error_r_deg
-from pipeline.machine import settle
-from pipeline.params import SHOWN, Params, pick, read_params, shown_scenario
-from pipeline.tracking import journal
+from pipeline.answering import answer_settings, headline, mean_error_r_deg
+from pipeline.catalogue import load_settings
+from pipeline.compute.machine import settle
+from pipeline.formats.answers import write_estimates
+from pipeline.formats.pairs import read_pairs
+from pipeline.formats.weights import WEIGHTS
+from pipeline.settings.params import SHOWN, Params, pick, read_params, shown_scenario
+from pipeline.tracking.journal import journal
 
 
 def main(argv: list[str] | None = None) -> None:

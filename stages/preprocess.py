@@ -19,16 +19,16 @@ from pcrdiff.data.scenarios import (
     make_pairs,
     split_items,
 )
+from pcrdiff.loops import Spread, in_turn
 from pcrdiff.registration import Pairs
-from pcrdiff.spreading import Spread, in_turn
-from pipeline.artifacts import Streamed, write_pairs
-from pipeline.invocation import project_root
-from pipeline.machine import settle
-from pipeline.params import Scenario, pick, read_params
-from pipeline.progress import bar
-from pipeline.seeding import stream
-from pipeline.spreading import spread_over
-from pipeline.tracking import journal
+from pipeline.compute.machine import settle
+from pipeline.compute.progress import bar
+from pipeline.compute.workers import spread_over
+from pipeline.formats.pairs import Streamed, write_pairs
+from pipeline.settings.params import Scenario, pick, read_params
+from pipeline.settings.seeding import stream
+from pipeline.tracking.journal import journal
+from pipeline.tracking.run import project_root
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -70,7 +70,7 @@ SHOWN = 5
 
 @dataclass(frozen=True)
 class Preprocessed:
-    """The content of a pair file; see ``pipeline.artifacts.write_pairs``."""
+    """The content of a pair file; see ``pipeline.formats.pairs``."""
 
     splits: Mapping[str, Streamed]
     """Made as they are written."""

@@ -4,12 +4,12 @@ import argparse
 import sys
 from pathlib import Path
 
-from pipeline.artifacts import write_atomically, write_json
-from pipeline.mlflow_sync import sync_after_report
-from pipeline.params import read_params
+from pipeline.formats.files import write_atomically, write_json
 from pipeline.reporting.provenance import read_provenance
 from pipeline.reporting.report import make_report
-from pipeline.tracking import journal
+from pipeline.settings.params import read_params
+from pipeline.tracking.journal import journal
+from pipeline.tracking.mlflow_sync import sync_after_report
 
 
 def main(argv: list[str] | None = None) -> None:

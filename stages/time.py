@@ -15,11 +15,13 @@ from torch import Tensor
 
 from pcrdiff.geometry.precision import search_precision
 from pcrdiff.registration import Method, Pairs
-from pipeline.artifacts import WEIGHTS, read_pairs, write_csv
-from pipeline.building import load_settings
-from pipeline.machine import end_with_parent, forget_peak, resident, settle
-from pipeline.params import SHOWN, Params, read_params
-from pipeline.tracking import journal
+from pipeline.catalogue import load_settings
+from pipeline.compute.machine import end_with_parent, forget_peak, resident, settle
+from pipeline.formats.files import write_csv
+from pipeline.formats.pairs import read_pairs
+from pipeline.formats.weights import WEIGHTS
+from pipeline.settings.params import SHOWN, Params, read_params
+from pipeline.tracking.journal import journal
 
 
 def main(argv: list[str] | None = None) -> None:

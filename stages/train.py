@@ -16,28 +16,28 @@ import torch
 from torch import Tensor
 
 from pcrdiff.geometry.precision import resolve, search_precision
+from pcrdiff.loops import silent
 from pcrdiff.processes import ALONE, Processes
-from pcrdiff.progress import silent
 from pcrdiff.training import Budget, Checkpoint, Epoch, FreshPoses, Trainer, train
-from pipeline.artifacts import (
-    CURVE,
-    FACTS,
-    WEIGHTS,
-    read_attributes,
-    read_pairs,
-    write_curve,
-    write_json,
-    write_weights,
+from pipeline.catalogue import build_untrained
+from pipeline.compute.checkpoints import NoCheckpoint, open_checkpoint
+from pipeline.compute.machine import settle
+from pipeline.compute.progress import bar
+from pipeline.compute.ranks import check_agreement, join
+from pipeline.formats.files import write_json
+from pipeline.formats.pairs import read_attributes, read_pairs
+from pipeline.formats.weights import CURVE, FACTS, WEIGHTS, write_curve, write_weights
+from pipeline.settings.params import DIFFUSED, Params, pick, read_params
+from pipeline.settings.seeding import stream
+from pipeline.settings.variants import (
+    AS_IT_IS,
+    TRAINED,
+    Variant,
+    folder_of,
+    settings_trained,
+    variants,
 )
-from pipeline.building import build_untrained
-from pipeline.checkpoints import NoCheckpoint, open_checkpoint
-from pipeline.machine import settle
-from pipeline.params import DIFFUSED, Params, pick, read_params
-from pipeline.processes import check_agreement, join
-from pipeline.progress import bar
-from pipeline.seeding import stream
-from pipeline.tracking import Journal, journal
-from pipeline.variants import AS_IT_IS, TRAINED, Variant, folder_of, settings_trained, variants
+from pipeline.tracking.journal import Journal, journal
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -71,8 +71,8 @@ def main(argv: list[str] | None = None) -> None:
 
 CODE = (
     Path("pcrdiff"),
-    Path("pipeline/building.py"),
-    Path("pipeline/processes.py"),
+    Path("pipeline/catalogue.py"),
+    Path("pipeline/compute/ranks.py"),
     Path("stages/train.py"),
 )
 """What a half-done training was made with: if it changes, the training starts anew."""

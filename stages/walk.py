@@ -8,13 +8,14 @@ from torch import Tensor
 
 from pcrdiff.diffusion.sampling import sample
 from pcrdiff.geometry.precision import search_precision
-from pipeline.artifacts import WEIGHTS, read_pairs
-from pipeline.building import Diffused, load_diffused
-from pipeline.machine import settle
-from pipeline.params import Params, read_params
-from pipeline.seeding import stream
-from pipeline.tracking import journal
-from pipeline.walks import Walk, write_walks
+from pipeline.catalogue import Diffused, load_diffused
+from pipeline.compute.machine import settle
+from pipeline.formats.pairs import read_pairs
+from pipeline.formats.walks import Walk, write_walks
+from pipeline.formats.weights import WEIGHTS
+from pipeline.settings.params import Params, read_params
+from pipeline.settings.seeding import stream
+from pipeline.tracking.journal import journal
 
 
 def main(argv: list[str] | None = None) -> None:

@@ -37,7 +37,7 @@ def unsettled() -> Iterator[None]:
 
 
 def unsettle() -> None:
-    """Undo what ``pipeline.machine.settle`` does to torch."""
+    """Undo what ``pipeline.compute.machine.settle`` does to torch."""
     from pcrdiff.geometry.precision import set_search_precision  # the hook above comes first
 
     set_search_precision("float32")

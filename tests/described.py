@@ -11,7 +11,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.nodes import CollectionNode, Node, SequenceNode
 
-from pipeline.yaml_files import read_yaml
+from pipeline.formats.yaml_files import read_yaml
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 VARIABLE = re.compile(r"\$\{([^}]+)\}")

@@ -5,7 +5,7 @@ from functools import partial
 from inspect import isfunction
 from typing import Any
 
-from pipeline.sections import Section
+from pipeline.settings.sections import Section
 
 Reads = set[str]
 

@@ -17,10 +17,10 @@ from dvc.fs import localfs
 from dvc.ignore import DvcIgnoreFilter
 from ruamel.yaml import YAML
 
-from pipeline.params import classical_names, read_params
-from pipeline.profiles import profile_values
-from pipeline.tracking import content_md5
-from pipeline.variants import FUSED
+from pipeline.settings.params import classical_names, read_params
+from pipeline.settings.profiles import profile_values
+from pipeline.settings.variants import FUSED
+from pipeline.tracking.journal import content_md5
 from tests.described import (
     REPOSITORY,
     VARIABLE,
@@ -34,37 +34,39 @@ from tests.tiny import lay_out, run_instance, standing_in, tiny_params, write_pa
 
 GLUE = {
     "pcrdiff.processes": "says what several processes share; tests hold that they learn the same",
-    "pcrdiff.progress": "watches loops, changes none",
-    "pcrdiff.spreading": "says that a loop may be run elsewhere, and nothing of what it does",
-    "pipeline.artifacts": "writes and reads files; its tests hold their bytes",
-    "pipeline.building": "hands params to methods; a new method must not retrain the old ones",
-    "pipeline.checkpoints": "keeps what a training gives it, and gives it back",
-    "pipeline.invocation": "finds the project and names the run",
-    "pipeline.machine": "sets threads and precision as params say",
-    "pipeline.mlflow_runs": "says what a run in MLflow holds",
-    "pipeline.mlflow_store": "says where MLflow keeps its runs",
-    "pipeline.mlflow_sync": "copies journals into MLflow after the report is written",
-    "pipeline.method_params": "the part of pipeline.params that is about methods",
-    "pipeline.sections": "what pipeline.params is made of",
-    "pipeline.params": "hands over params.yaml, whose keys DVC watches by themselves",
-    "pipeline.processes": "lets several processes train as one; tests hold that they learn the same",
-    "pipeline.profiles": "says what is usual, for MLflow to name what is not",
-    "pipeline.progress": "draws bars",
-    "pipeline.records": "reads journals for MLflow",
-    "pipeline.seeding": "derives seeds; its test holds them",
-    "pipeline.spreading": "runs loops elsewhere; tests hold that the results are the same bytes",
-    "pipeline.restored": "tells MLflow what DVC took from its cache",
-    "pipeline.tracking": "writes journals",
-    "pipeline.dvcignore": "says which files count for journals and checkpoints",
-    "pipeline.variants": "names what ablations vary",
-    "pipeline.walks": "writes and reads walks; its tests hold their bytes",
-    "pipeline.yaml_files": "reads params.yaml for pipeline.params",
+    "pcrdiff.loops": "watches loops and lets them be run elsewhere; says nothing of what they do",
+    "pipeline.formats.answers": "writes files; its tests hold their bytes",
+    "pipeline.formats.files": "writes and reads files; its tests hold their bytes",
+    "pipeline.formats.pairs": "writes and reads files; its tests hold their bytes",
+    "pipeline.formats.weights": "writes and reads files; its tests hold their bytes",
+    "pipeline.catalogue": "hands params to methods; a new method must not retrain the old ones",
+    "pipeline.compute.checkpoints": "keeps what a training gives it, and gives it back",
+    "pipeline.tracking.run": "finds the project and names the run",
+    "pipeline.compute.machine": "sets threads and precision as params say",
+    "pipeline.tracking.mlflow_runs": "says what a run in MLflow holds",
+    "pipeline.tracking.mlflow_store": "says where MLflow keeps its runs",
+    "pipeline.tracking.mlflow_sync": "copies journals into MLflow after the report is written",
+    "pipeline.settings.methods": "the part of pipeline.settings.params that is about methods",
+    "pipeline.settings.sections": "what pipeline.settings.params is made of",
+    "pipeline.settings.params": "hands over params.yaml, whose keys DVC watches by themselves",
+    "pipeline.compute.ranks": "lets several processes train as one; tests hold that they learn the same",
+    "pipeline.settings.profiles": "says what is usual, for MLflow to name what is not",
+    "pipeline.compute.progress": "draws bars",
+    "pipeline.tracking.records": "reads journals for MLflow",
+    "pipeline.settings.seeding": "derives seeds; its test holds them",
+    "pipeline.compute.workers": "runs loops elsewhere; tests hold that the results are the same bytes",
+    "pipeline.tracking.restored": "tells MLflow what DVC took from its cache",
+    "pipeline.tracking.journal": "writes journals",
+    "pipeline.tracking.dvcignore": "says which files count for journals and checkpoints",
+    "pipeline.settings.variants": "names what ablations vary",
+    "pipeline.formats.walks": "writes and reads walks; its tests hold their bytes",
+    "pipeline.formats.yaml_files": "reads params.yaml for pipeline.settings.params",
 }
 """Modules that change no result, so that a change of theirs need not re-run a stage; and why."""
 WIRING = {
     "pcrdiff.diffusion.sampling": "`Walk` carries params into the learned methods, which import it",
 }
-"""What ``pipeline.building`` imports for some methods only, besides the methods themselves."""
+"""What ``pipeline.catalogue`` imports for some methods only, besides the methods themselves."""
 PLACE = {
     "compute": "where work is done: tests hold that the results are the same bytes",
 }
@@ -104,9 +106,9 @@ def imported_modules(instance: Instance) -> set[str]:
     """What an instance imports of this project, by way of the methods it builds alone."""
     graph = copy.deepcopy(IMPORTS)
     own = {f"pcrdiff.methods.{method}" for method in methods_of(instance)}
-    for module in graph.find_modules_directly_imported_by("pipeline.building"):
+    for module in graph.find_modules_directly_imported_by("pipeline.catalogue"):
         if module in WIRING or (module.startswith("pcrdiff.methods.") and module not in own):
-            graph.remove_import(importer="pipeline.building", imported=module)
+            graph.remove_import(importer="pipeline.catalogue", imported=module)
     return set(graph.find_upstream_modules(instance.module)) | {instance.module}
 
 
@@ -153,7 +155,7 @@ def test_every_dep_that_is_code_exists(name: str) -> None:
 def test_every_excuse_is_needed() -> None:
     reached = set().union(*map(imported_modules, INSTANCES))
     assert GLUE.keys() <= reached
-    wired = IMPORTS.find_modules_directly_imported_by("pipeline.building")
+    wired = IMPORTS.find_modules_directly_imported_by("pipeline.catalogue")
     assert WIRING.keys() <= wired
 
 

@@ -8,9 +8,9 @@ from dvc.fs import localfs
 from dvc.ignore import DvcIgnoreFilter
 from dvc.repo import Repo
 
-from pipeline.checkpoints import fingerprint
-from pipeline.dvcignore import seen_files
-from pipeline.tracking import content_md5
+from pipeline.compute.checkpoints import fingerprint
+from pipeline.tracking.dvcignore import seen_files
+from pipeline.tracking.journal import content_md5
 from tests.described import REPOSITORY, expand, read_repository_params
 
 CODE = ("pcrdiff/data", "pcrdiff/models", "pipeline/reporting/templates", "stages", "benchmarks")

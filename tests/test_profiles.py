@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from pipeline.params import Params
-from pipeline.profiles import profile_names, profile_values, read_profile
 from pipeline.reporting.paper import METHODS, UNSEEN_OBJECTS
+from pipeline.settings.params import Params
+from pipeline.settings.profiles import profile_names, profile_values, read_profile
 from tests.described import REPOSITORY, read_repository_params
 
 PROFILES = ("quick", "tables", "real", "paper")
@@ -110,7 +110,7 @@ def test_the_settings_are_the_papers_counts_and_the_authors_own(name: str, metho
 
 
 def test_the_authors_own_settings_are_the_libraries_defaults() -> None:
-    from pcrdiff.bindings.classical import registration
+    from pcrdiff.bindings.open3d import registration
 
     methods = load("tables")["methods"]
     rounds = registration.ICPConvergenceCriteria().max_iteration

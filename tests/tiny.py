@@ -14,8 +14,8 @@ import pytest
 import torch
 import yaml
 
-from pipeline.profiles import profile_values
-from pipeline.stage import run
+from pipeline.compute.stage import run
+from pipeline.settings.profiles import profile_values
 from tests.described import REPOSITORY, Instance, expand, read_repository_params
 
 SCENARIO = "modelnet40-unseen_objects"

@@ -17,7 +17,7 @@ from urllib.request import Request, urlopen
 
 from pcrdiff.data.tree import entries, walk_files
 from pcrdiff.data.unpacking import unpack_zip
-from pcrdiff.progress import Progress, silent
+from pcrdiff.loops import Progress, silent
 
 Source = Literal["synthetic", "local", "download"]
 MANIFEST = "manifest.json"

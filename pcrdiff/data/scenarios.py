@@ -21,9 +21,8 @@ from pcrdiff.data.corruption import (
 from pcrdiff.data.raw import DegenerateShape, Mesh, RawItem, sample_oriented, sample_points
 from pcrdiff.geometry.random_pose import draw_pose
 from pcrdiff.geometry.span import spans_plane
-from pcrdiff.progress import Progress, silent
+from pcrdiff.loops import Progress, Spread, in_turn, silent
 from pcrdiff.registration import SPLITS, Normals, Pairs
-from pcrdiff.spreading import Spread, in_turn
 
 Shown = Sequence[int] | Mapping[int, int]
 """Which item each pair shows; by the pairs' own numbers where some are left out."""

@@ -4,9 +4,9 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from pcrdiff.bindings.classical import centred, check_pose, check_support
 from pcrdiff.bindings.isolation import Isolated
-from pcrdiff.bindings.native_calls import kiss_match
+from pcrdiff.bindings.kiss_matcher import kiss_match
+from pcrdiff.bindings.open3d import centred, check_pose, check_support
 from pcrdiff.geometry.rigid import from_parts, invert
 from pcrdiff.registration import check_clouds
 

@@ -5,14 +5,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.bindings.classical import ransac_fpfh
+from pcrdiff.bindings.open3d import ransac_fpfh
 from pcrdiff.registration import check_clouds
 
 
 class RansacFPFH:
     """Matches FPFH features once and keeps the pose of three matches that most others support.
 
-    Open3D's documented settings, see :func:`pcrdiff.bindings.classical.ransac_fpfh`; the distances that
+    Open3D's documented settings, see :func:`pcrdiff.bindings.open3d.ransac_fpfh`; the distances that
     its examples measure in voxels are lengths here, and nothing is thinned to voxels.
     """
 

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from pcrdiff.registration import Pairs
-from pipeline.artifacts import CURVE, FACTS, read_attributes, read_csv, read_pairs
+from pipeline.formats.files import read_csv
+from pipeline.formats.pairs import read_attributes, read_pairs
+from pipeline.formats.weights import CURVE, FACTS
 from pipeline.reporting.result_files import ABLATIONS
 
 

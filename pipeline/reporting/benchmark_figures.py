@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from pipeline.benchmark_files import Benchmarks, Ceiling, Latency, PeakMemory
+from pipeline.formats.benchmarks import Benchmarks, Ceiling, Latency, PeakMemory
 from pipeline.reporting.figures import (
     BLUE,
     LINE_HEIGHT,

@@ -7,10 +7,10 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float64
 
+from pipeline.formats.walks import Walk
 from pipeline.reporting.background import PairFacts, PairFile
 from pipeline.reporting.paper import method_rank, place, scenario_rank, shown
 from pipeline.reporting.result_files import Scores, headlines
-from pipeline.walks import Walk
 
 CHOOSERS = ("pcrdiffusion_cb", "pcrdiffusion_cf", "icp")
 """The first of these there are results of chooses the pairs by its rotation error."""

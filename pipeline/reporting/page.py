@@ -10,7 +10,8 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
-from pipeline.benchmark_files import Benchmarks
+from pipeline.formats.benchmarks import Benchmarks
+from pipeline.formats.walks import Walk
 from pipeline.reporting.background import PairFacts, Training
 from pipeline.reporting.benchmark_figures import benchmark_figures, in_order, latency_name
 from pipeline.reporting.figures import (
@@ -58,7 +59,6 @@ from pipeline.reporting.views import (
     show_metric,
     unit_of,
 )
-from pipeline.walks import Walk
 
 VERDICTS = {"confirmed": "✓", "not confirmed": "✗", "undecided": "?", "not run": "○"}
 """A symbol beside each verdict, so that nobody needs its colour."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from pipeline.invocation import git
-from pipeline.restored import read_lock
+from pipeline.tracking.restored import read_lock
+from pipeline.tracking.run import git
 
 PACKAGES = ("h5py", "matplotlib", "numpy", "open3d", "plotly", "scipy", "torch")
 CODE = ("pcrdiff", "pipeline", "stages", "params.yaml", "dvc.yaml")

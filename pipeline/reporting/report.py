@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.benchmark_files import read_benchmarks
+from pipeline.formats.benchmarks import read_benchmarks
+from pipeline.formats.walks import Walk, read_walks
 from pipeline.reporting.background import read_pair_files, read_trainings
 from pipeline.reporting.difficulty import measure_difficulties
 from pipeline.reporting.findings import UNWEIGHED, make_findings
@@ -16,7 +17,6 @@ from pipeline.reporting.provenance import Provenance
 from pipeline.reporting.result_files import WALKS, read_results, read_times
 from pipeline.reporting.tables import format_rows, make_rows
 from pipeline.reporting.views import banner, make_tables, summarise
-from pipeline.walks import Walk, read_walks
 
 BOOTSTRAP_SEED = 0
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
-from pipeline.artifacts import POSE, read_csv
+from pipeline.formats.answers import POSE
+from pipeline.formats.files import read_csv
 from pipeline.reporting.paper import ABLATIONS as ABLATED
 from pipeline.reporting.paper import TIMING, UNSEEN_OBJECTS, place
 

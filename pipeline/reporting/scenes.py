@@ -8,10 +8,10 @@ import torch
 from jaxtyping import Float64
 
 from pcrdiff.geometry.metrics import error_r_deg, error_t
+from pipeline.formats.walks import Walk
 from pipeline.reporting.figures import BLUE, GREEN, ORANGE, Figure, layout
 from pipeline.reporting.overlays import Cloud, KnownPair, Overlay, describe, thin
 from pipeline.reporting.paper import shown
-from pipeline.walks import Walk
 
 Pose = Float64[np.ndarray, "4 4"]
 CAMERA = {"eye": {"x": 1.3, "y": 1.3, "z": 0.85}, "center": {"x": 0, "y": 0, "z": -0.12}}

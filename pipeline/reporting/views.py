@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaincinv
 
-from pipeline.params import SHOWN, shown_scenario
 from pipeline.reporting.background import PairFacts, Training
 from pipeline.reporting.contrasts import DRAW
 from pipeline.reporting.paper import (
@@ -24,6 +23,7 @@ from pipeline.reporting.paper import (
     shown,
 )
 from pipeline.reporting.tables import METRICS, Row
+from pipeline.settings.params import SHOWN, shown_scenario
 
 SETTINGS = {"paper": "the paper's iteration counts", "official": "the authors' own settings"}
 LEARNED_SETTINGS = {"official": "the authors' own number of updates"}

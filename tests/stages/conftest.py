@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.mlflow_sync import SyncReport
+from pipeline.tracking.mlflow_sync import SyncReport
 from tests.tiny import blank as blank
 from tests.tiny import project as project
 

@@ -7,10 +7,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from pipeline.artifacts import read_pairs
-from pipeline.building import load_settings
-from pipeline.evaluating import answer_settings
-from pipeline.params import read_params
+from pipeline.answering import answer_settings
+from pipeline.catalogue import load_settings
+from pipeline.formats.pairs import read_pairs
+from pipeline.settings.params import read_params
 from stages.ablate import ABLATIONS, Given, ablate_steps
 from stages.ablate_noise import add_noise
 from tests.described import expand, read_repository_params

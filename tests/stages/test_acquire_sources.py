@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.params import Acquire
+from pipeline.settings.params import Acquire
 from stages.acquire import WRITERS, acquire
 from tests.described import REPOSITORY
 from tests.tiny import files_below, write_boxes

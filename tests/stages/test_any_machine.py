@@ -27,7 +27,7 @@ MEASURED = ("seconds", "peak_memory_mib")
 RUN = "import sys, tests.tiny as t; [t.run_instance(t.instance(name)) for name in sys.argv[1:]]"
 REPORT = """\
 import sys, stages.report
-from pipeline.mlflow_sync import SyncReport
+from pipeline.tracking.mlflow_sync import SyncReport
 stages.report.sync_after_report = lambda: SyncReport("nowhere")
 stages.report.main(sys.argv[1:])
 """

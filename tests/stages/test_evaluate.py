@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from pcrdiff.methods.icp import ICP
-from pipeline.artifacts import ANSWER, read_pairs
+from pipeline.formats.answers import ANSWER
+from pipeline.formats.pairs import read_pairs
 from tests.tiny import (
     CB,
     CF,

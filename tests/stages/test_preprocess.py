@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pcrdiff.registration import SPLITS
-from pipeline.artifacts import read_attributes, read_pairs
+from pipeline.formats.pairs import read_attributes, read_pairs
 from tests.tiny import (
     PAIRS,
     SCENARIO,

@@ -11,7 +11,7 @@ import torch
 from pcrdiff.data.acquisition import read_digests, write_manifest
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.registration import Pairs
-from pipeline.params import Scenario, read_params
+from pipeline.settings.params import Scenario, read_params
 from stages.preprocess import (
     LICENCES,
     READERS,

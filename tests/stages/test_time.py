@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.params import read_params
+from pipeline.settings.params import read_params
 from stages.time import COLUMNS
 from tests.tiny import CF, PAIRS, files_below, instance, refusal
 

@@ -10,8 +10,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from pipeline.machine import resident
-from pipeline.params import read_params
+from pipeline.compute.machine import resident
+from pipeline.settings.params import read_params
 from stages.time import (
     COLUMNS,
     Cost,
@@ -56,7 +56,7 @@ def test_every_pair_is_timed_after_the_warm_up_even_where_the_method_fails() -> 
 IN_A_FRESH_PROCESS = """
 from tests.stages.test_time_pairs import Slow
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
-from pipeline.machine import resident
+from pipeline.compute.machine import resident
 from stages.time import time_pairs
 pairs = made_up_pairs(2, 20, generator=seeded(0))
 before = resident("VmRSS")

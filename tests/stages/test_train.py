@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import checkpoints
-from pipeline.artifacts import read_weights
+from pipeline.compute import checkpoints
+from pipeline.formats.weights import read_weights
 from stages import train as training
 from tests.described import REPOSITORY
 from tests.tiny import (

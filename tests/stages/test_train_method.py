@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 
 from pcrdiff.geometry.precision import SearchPrecision, set_search_precision
-from pipeline.params import Params, read_params
-from pipeline.tracking import Journal
-from pipeline.variants import AS_IT_IS, Variant
+from pipeline.settings.params import Params, read_params
+from pipeline.settings.variants import AS_IT_IS, Variant
+from pipeline.tracking.journal import Journal
 from stages.train import CODE, Task, Trained, fresh_poses, train_method, training_params
 from tests.described import read_templates
 from tests.tiny import CB, CF, PAIRS, SCENARIO
@@ -60,7 +60,7 @@ def test_the_facts_tell_how_much_training_it_was(method: str) -> None:
 
 
 def is_buffer(name: str, method: str) -> bool:
-    from pipeline.building import build_untrained
+    from pipeline.catalogue import build_untrained
 
     params = read_params()
     buffers = build_untrained(method, params.methods, params.diffusion).named_buffers()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.walks import read_walks
+from pipeline.formats.walks import read_walks
 from tests.tiny import CB, CF, SCENARIO, instance, refusal, run_instance, weights
 
 

@@ -10,8 +10,8 @@ from pcrdiff.diffusion.process import time_pairs
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
-from pipeline.params import read_params
-from pipeline.walks import read_walks, write_walks
+from pipeline.formats.walks import read_walks, write_walks
+from pipeline.settings.params import read_params
 from stages.walk import follow, follow_walks
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from tests.pcrdiff.methods.made_up_methods import make_cb, make_cf
@@ -56,8 +56,8 @@ def test_a_file_with_other_columns_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_method_that_does_not_walk_is_refused(project: Path) -> None:
-    from pipeline.artifacts import write_weights
-    from pipeline.building import build_learned
+    from pipeline.catalogue import build_learned
+    from pipeline.formats.weights import write_weights
 
     params = read_params()
     other = build_learned("dcp_v1", "paper", params.methods, params.diffusion)

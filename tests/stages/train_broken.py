@@ -9,8 +9,8 @@ import signal
 import sys
 
 from pcrdiff.training import Trainer
-from pipeline import checkpoints
-from pipeline.stage import run
+from pipeline.compute import checkpoints
+from pipeline.compute.stage import run
 from stages.train import main
 
 run_whole_epoch = Trainer.run_epoch

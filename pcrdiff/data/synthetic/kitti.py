@@ -8,7 +8,7 @@ from jaxtyping import Float32, Float64
 from pcrdiff.data.raw import Mesh
 from pcrdiff.data.synthetic.scene import RayScene, merged
 from pcrdiff.data.synthetic.street import MATERIALS, Part, Road, sample_street
-from pcrdiff.progress import Progress, silent
+from pcrdiff.loops import Progress, silent
 
 Pose = Float64[np.ndarray, "4 4"]
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from pcrdiff.bindings.native import open3d
+from pcrdiff.bindings.open3d import open3d
 from pcrdiff.data.raw import Mesh
 
 # Eight corners, the lower four first, counter-clockwise; twelve triangles facing outwards.

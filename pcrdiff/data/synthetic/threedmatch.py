@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from pcrdiff.data.synthetic.room import KINDS, sample_camera_path, sample_room
 from pcrdiff.data.synthetic.scene import RayScene
-from pcrdiff.progress import Progress, silent
+from pcrdiff.loops import Progress, silent
 
 Points = Float64[np.ndarray, "points 3"]
 Pose = Float64[np.ndarray, "4 4"]

@@ -25,7 +25,7 @@ from pcrdiff.data.acquisition import (
     refuse_download,
     write_manifest,
 )
-from pcrdiff.progress import T
+from pcrdiff.loops import T
 
 CONTENT = np.random.default_rng(0).bytes(300_000)
 

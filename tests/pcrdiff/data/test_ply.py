@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pcrdiff.bindings.native import open3d
+from pcrdiff.bindings.open3d import open3d
 from pcrdiff.data.ply import read_ply
 from tests.pcrdiff.data.no_numbers import NO_NUMBERS
 

@@ -3,8 +3,7 @@
 import pytest
 import torch
 
-from pcrdiff.bindings.classical import registration
-from pcrdiff.bindings.native import open3d
+from pcrdiff.bindings.open3d import open3d, registration
 from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.methods.gicp import GICP

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from pcrdiff.bindings.native_calls import kiss_match
+from pcrdiff.bindings.kiss_matcher import kiss_match
 from pcrdiff.evaluation import evaluate
 from pcrdiff.methods.kiss_matcher import KISSMatcher
 from pcrdiff.registration import Pairs

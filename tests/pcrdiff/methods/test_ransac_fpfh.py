@@ -5,8 +5,7 @@ from typing import Any
 import pytest
 import torch
 
-from pcrdiff.bindings.classical import registration
-from pcrdiff.bindings.native import open3d
+from pcrdiff.bindings.open3d import open3d, registration
 from pcrdiff.methods.ransac_fpfh import RansacFPFH
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 

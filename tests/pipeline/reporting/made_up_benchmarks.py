@@ -1,6 +1,6 @@
 """A made-up run of `make bench`."""
 
-from pipeline.benchmark_files import Benchmarks, Ceiling, Latency, PeakMemory, Ratio
+from pipeline.formats.benchmarks import Benchmarks, Ceiling, Latency, PeakMemory, Ratio
 from pipeline.reporting.paper import METHODS
 
 HERE = "Some Processor 9; 2 cores; 1 thread; torch 2.13.0; float32 search"

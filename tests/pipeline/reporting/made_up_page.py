@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from pipeline.artifacts import read_pairs
+from pipeline.formats.pairs import read_pairs
+from pipeline.formats.walks import Walk
 from pipeline.reporting.background import Training, read_pair_files, read_trainings
 from pipeline.reporting.findings import Finding
 from pipeline.reporting.overlays import make_overlays, pick_walked_pairs
@@ -17,7 +18,6 @@ from pipeline.reporting.provenance import Provenance
 from pipeline.reporting.result_files import read_results
 from pipeline.reporting.tables import Row, make_rows
 from pipeline.reporting.views import banner, make_tables
-from pipeline.walks import Walk
 from tests.pipeline.reporting.made_up_benchmarks import make_benchmarks
 from tests.pipeline.reporting.made_up_results import (
     ROTATION_ERROR_DEG,

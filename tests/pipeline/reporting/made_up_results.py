@@ -10,12 +10,14 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from pcrdiff.registration import SPLITS, Pairs
-from pipeline import artifacts
-from pipeline.artifacts import POSE
+from pipeline.formats.answers import POSE
+from pipeline.formats.files import write_csv
+from pipeline.formats.pairs import Streamed
+from pipeline.formats.pairs import write_pairs as write_pairs_file
+from pipeline.formats.walks import Walk
+from pipeline.formats.walks import write_walks as write_the_walks
 from pipeline.reporting.paper import UNSEEN_OBJECTS, VALUES
 from pipeline.reporting.result_files import COLUMNS, EULER, SHIFT
-from pipeline.walks import Walk
-from pipeline.walks import write_walks as write_the_walks
 
 ROTATION_ERROR_DEG = {
     "identity": 25.0,
@@ -269,7 +271,7 @@ def write_training(
         loss = 2 / epoch * generator.uniform(0.8, 1.2)
         errors = (20 * loss, loss / 3) if epoch % 2 == 0 else ("", "")
         rows.append([epoch, 38 * epoch, 1e-3, loss, *errors])
-    artifacts.write_csv(folder / "curve.csv", [head, *rows])
+    write_csv(folder / "curve.csv", [head, *rows])
     budget = {"epochs": epochs, "steps": 38 * epochs, "batch_size": 32, "train_pairs": 1216}
     budget |= {"parameters": 4231111, "best_epoch": epochs - 2}
     (folder / "facts.json").write_text(json.dumps(budget | told))
@@ -298,8 +300,8 @@ def write_pairs(
         "provenance": {"source": "synthetic", "root": "/somewhere/raw", "max_rotation_deg": 45.0},
     }
     splits = dict.fromkeys(SPLITS, pairs)
-    streamed = {name: artifacts.Streamed(len(each), [each]) for name, each in splits.items()}
-    artifacts.write_pairs(folder / f"{scenario}.h5", streamed, "category", attributes)
+    streamed = {name: Streamed(len(each), [each]) for name, each in splits.items()}
+    write_pairs_file(folder / f"{scenario}.h5", streamed, "category", attributes)
 
 
 def cloud(scenario: str, count: int, generator: np.random.Generator) -> np.ndarray:

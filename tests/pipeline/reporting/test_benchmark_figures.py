@@ -6,7 +6,7 @@ from pathlib import Path
 import plotly.graph_objects as go
 import pytest
 
-from pipeline.benchmark_files import Benchmarks, write_benchmarks
+from pipeline.formats.benchmarks import Benchmarks, write_benchmarks
 from pipeline.reporting.benchmark_figures import (
     benchmark_figures,
     ceiling_figure,

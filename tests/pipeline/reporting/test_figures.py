@@ -6,6 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
+from pipeline.formats.walks import Walk
 from pipeline.reporting.background import Training, read_pair_files, read_trainings
 from pipeline.reporting.figures import (
     CYCLE,
@@ -41,7 +42,6 @@ from pipeline.reporting.study_figures import (
 )
 from pipeline.reporting.tables import Row, make_rows
 from pipeline.reporting.views import main_rows
-from pipeline.walks import Walk
 from tests.pipeline.reporting.made_up_page import row, study_rows
 from tests.pipeline.reporting.made_up_results import write_everything
 

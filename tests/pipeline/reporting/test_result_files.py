@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.artifacts import ANSWER, read_pairs
+from pipeline.formats.answers import ANSWER
+from pipeline.formats.pairs import read_pairs
 from pipeline.reporting.background import read_pair_files, read_trainings
 from pipeline.reporting.result_files import COLUMNS, headlines, read_results, read_times
 from tests.pipeline.reporting.made_up_results import (

@@ -19,7 +19,7 @@ from pcrdiff.data.synthetic.modelnet40 import (
     vehicles,
     vessels,
 )
-from pcrdiff.progress import Progress, silent
+from pcrdiff.loops import Progress, silent
 
 MAKERS: dict[str, Callable[..., Mesh]] = {
     "airplane": vehicles.airplane,

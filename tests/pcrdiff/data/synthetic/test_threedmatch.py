@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from pcrdiff.bindings.native import open3d
+from pcrdiff.bindings.open3d import open3d
 from pcrdiff.data.synthetic.threedmatch import write_threedmatch
 
 SCENES, FRAGMENTS, FRAMES = 2, 5, 2

@@ -1,0 +1,64 @@
+"""What a training leaves: weights (safetensors), its curve and its facts."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+from torch import Tensor
+
+from pipeline.formats.files import write_atomically, write_csv
+
+if TYPE_CHECKING:
+    from pcrdiff.training import Epoch
+
+
+WEIGHTS, CURVE, FACTS = "weights.safetensors", "curve.csv", "facts.json"
+"""The files of a training, in a folder of its own."""
+
+
+def write_weights(path: Path, weights: Mapping[str, Tensor], facts: Mapping[str, object]) -> None:
+    """Write weights with one JSON record of what they are; two records would vary in order."""
+    tensors = {name: value.contiguous() for name, value in weights.items()}
+    write_atomically(path, save(tensors, {"facts": json.dumps(facts, sort_keys=True)}))
+
+
+def read_weights(path: Path, method: str) -> dict[str, Tensor]:
+    """Read the weights of ``method``.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: It is not a safetensors file, or holds another method's weights.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"weights are needed at {path}, there are none: run train")
+    try:
+        with safe_open(path, framework="pt") as file:
+            of = _method_of((file.metadata() or {}).get("facts", "{}"))
+            if of != method:
+                raise ValueError(f"{path} needs weights of {method}, has {of}")
+            return {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except SafetensorError as error:
+        raise ValueError(f"{path} is not a safetensors file: {error}") from error
+
+
+def _method_of(facts: str) -> object:
+    """The method that a record names; None where it is no record or names none."""
+    try:
+        record = json.loads(facts)
+    except ValueError:
+        return None
+    return record.get("method") if isinstance(record, dict) else None
+
+
+def write_curve(path: Path, curve: "Sequence[Epoch]") -> None:
+    """Write a training curve, one row an epoch; not validated: empty."""
+    terms = sorted(curve[0].losses)  # by name: a resumed training has them in another order
+    head = ["epoch", "step", "learning_rate", *terms, "val_error_r_deg", "val_error_t"]
+    rows = []
+    for e in curve:
+        losses = [e.losses[term] for term in terms]
+        rows.append([e.epoch, e.step, e.learning_rate, *losses, e.val_error_r_deg, e.val_error_t])
+    write_csv(path, [head, *rows])

@@ -1,0 +1,474 @@
+"""The typed face of params.yaml: one frozen model per section, nothing optional, nothing extra."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from math import radians
+from pathlib import Path
+from reprlib import Repr
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import Field, ValidationError, model_validator
+
+from pipeline.formats.yaml_files import read_yaml
+from pipeline.settings.methods import Methods
+from pipeline.settings.sections import (
+    Count,
+    Distinct,
+    Fraction,
+    Fusion,
+    Length,
+    Listed,
+    Name,
+    Normals,
+    Positive,
+    Representation,
+    Sampler,
+    Scaling,
+    SearchPrecision,
+    Section,
+    WithOrWithout,
+    Workers,
+)
+
+Named = TypeVar("Named")
+
+
+class Run(Section):
+    """Which scenarios there are, and which methods are run on them."""
+
+    scenarios: Distinct[str]
+    diffused: Listed[str]
+    """PCRDiffusion, trained on every scenario."""
+    baselines: Distinct[str]
+    """The other learned methods, each trained on the scenarios that ``trainings`` gives it."""
+    classical: Distinct[str]
+
+
+class Compute(Section):
+    """Where independent work is done: pairs made, registered, ablated. No result depends on it."""
+
+    workers: Workers
+    """One-threaded processes on this machine; of those with several ``threads`` there are fewer."""
+    scheduler: Annotated[str, Field(pattern=r"^(tcp|tls)://\S+:\d+$")] | None
+    """Address of a ``dask scheduler`` whose workers do it instead."""
+
+
+class Archive(Section):
+    """A public archive; without a sha256 it is fetched and refused with the digest it has."""
+
+    url: str
+    sha256: str | None
+
+
+SIZES = {
+    "modelnet40": {"train_per_category", "test_per_category"},
+    "3dmatch": {"scenes", "fragments_per_scene", "frames_per_fragment"},
+    "kitti": {"sequences", "scans_per_sequence"},
+}
+"""What says how large a made-up data set is, by family."""
+
+
+class Acquire(Section):
+    """Where a data set comes from."""
+
+    family: Literal["modelnet40", "3dmatch", "kitti"]
+    source: Literal["synthetic", "local", "download"]
+    root: str | None
+    archives: list[Archive]
+    synthetic: dict[str, Count] | None
+    """The ``SIZES`` of the made-up data set."""
+
+    @model_validator(mode="after")
+    def _source_is_told_what_it_needs(self) -> "Acquire":
+        sizes, needed = self.synthetic, SIZES[self.family]
+        if (sizes is not None or self.source == "synthetic") and set(sizes or {}) != needed:
+            got = sorted(sizes or {})
+            raise ValueError(f"synthetic of {self.family} needs {sorted(needed)}, got {got}")
+        if self.source == "local" and self.root is None:
+            raise ValueError("source local needs root, the folder of the data set")
+        if self.source == "download" and not self.archives and self.family != "kitti":
+            raise ValueError("source download needs archives, each with url and sha256")
+        return self
+
+
+class Split(Section):
+    """Which items train, which choose the weights, which are tested on."""
+
+    by: Literal["official", "group", "item"]
+    categories: Literal["all", "halves"]
+    val_fraction: Fraction
+    test_fraction: Fraction
+    val_groups: list[str]
+    test_groups: list[str]
+
+
+class PairCounts(Section):
+    """How many pairs of each split; null makes one of each item."""
+
+    train: Count | None
+    val: Count | None
+    test: Count | None
+
+
+class Scenario(Section):
+    """How pairs are made of a data set. Angles in degrees, lengths in the unit sphere's."""
+
+    dataset: str
+    split: Split
+    pairs: PairCounts
+    num_points: Count
+    sampling: Literal["copies", "independent"]
+    max_rotation_deg: Annotated[float, Field(ge=0, le=180)]
+    max_translation: Length
+    jitter_deviation: Length
+    jitter_clip: Length
+    keep: Annotated[float, Field(gt=0, le=1)]
+    normals: Normals
+    """``given`` keeps the data set's own in the pair file, for methods that are told to use them."""
+    degenerate: Literal["refuse", "drop"]
+    """What becomes of a shape whose points are on one line or in one place."""
+
+    @property
+    def max_rotation(self) -> float:
+        """In radians."""
+        return radians(self.max_rotation_deg)
+
+
+class Diffusion(Section):
+    """The process, and the walk back."""
+
+    timesteps: Count
+    steps: Count
+    sampler: Sampler
+    hypotheses: Count
+    """Random starts of a walk; the answer under which the clouds fit best is kept."""
+
+    @model_validator(mode="after")
+    def _steps_fit(self) -> "Diffusion":
+        if self.steps > self.timesteps:
+            raise ValueError(f"steps must be at most timesteps {self.timesteps}, got {self.steps}")
+        return self
+
+
+class Optimisation(Section):
+    """How a method is trained; for how long is in ``trainings``."""
+
+    batch_size: Count
+    learning_rate: Positive
+    schedule: Literal["plateau", "cosine"]
+    patience: Count
+    validate_every: Count
+    epoch_pairs: Count | None
+    """Training pairs in an epoch, drawn again for each; null takes all of them."""
+
+
+class Train(Section):
+    """Training, one section for each learned method that is trained."""
+
+    devices: Workers
+    """Processes on each host, each with a batch of its own; on GPUs where there are any."""
+    nodes: Workers
+    """Hosts."""
+    poses: Literal["fixed", "fresh"]
+    pointnetlk: Optimisation | None = None
+    pcrnet: Optimisation | None = None
+    deepgmr: Optimisation | None = None
+    dcp_v1: Optimisation | None = None
+    dcp_v2: Optimisation | None = None
+    fmr: Optimisation | None = None
+    rpmnet: Optimisation | None = None
+    egst: Optimisation | None = None
+    pcrdiffusion_cf: Optimisation
+    pcrdiffusion_cb: Optimisation
+
+
+SHOWN = {"pcrdiffusion_cf": "cf", "pcrdiffusion_cb": "cb"}
+"""The methods that walk a pose back from noise, and what the headline numbers call them."""
+DIFFUSED = tuple(SHOWN)
+
+
+class Sampling(Section):
+    """Of the ablation over steps."""
+
+    samplers: Listed[Sampler]
+    draws: dict[str, Count]
+    """How many times each walk of a method is drawn anew, so that the spread is seen."""
+
+
+class Noise(Section):
+    """Of the ablation over noise, on the ablation's scenario without any."""
+
+    scenario: str
+    """On whose pairs the learned methods were trained."""
+    methods: Distinct[str]
+    deviations: Listed[Length]
+
+
+class WalkShown(Section):
+    """The walks whose every pose the page shows."""
+
+    steps: Count
+    pairs: Count
+
+
+class Ablation(Section):
+    """What the ablations vary, and of which methods on which scenario.
+
+    Variants (of diffusion, representation and fusion) are trained for ``epochs`` of their own.
+    """
+
+    scenario: str
+    methods: Listed[str]
+    epochs: dict[str, Count]
+    diffusions: Distinct[WithOrWithout]
+    """Others than the networks' own, which is trained with the representations."""
+    representations: Listed[Representation]
+    scalings: Listed[Scaling]
+    fusions: Distinct[Fusion]
+    """Others than CF's own."""
+    steps: Listed[Count]
+    sampling: Sampling
+    hypotheses: Listed[Count]
+    noise: Noise
+    walk: WalkShown
+
+
+class Timing(Section):
+    """Table 6: batch 1, a number of pairs of one scenario."""
+
+    scenario: str
+    pairs: Count
+    warm_up: Count
+
+
+class Params(Section):
+    """All of params.yaml."""
+
+    profile: str
+    seed: Annotated[int, Field(ge=0, lt=2**63)]
+    threads: Workers
+    search_precision: SearchPrecision
+    compute: Compute
+    run: Run
+    acquire: dict[Name, Acquire]
+    scenarios: dict[Name, Scenario]
+    diffusion: Diffusion
+    methods: Methods
+    train: Train
+    trainings: dict[str, dict[str, Count]]
+    """Epochs of each learned method, by scenario."""
+    ablation: Ablation
+    timing: Timing
+
+    @model_validator(mode="after")
+    def _names_agree(self) -> "Params":
+        _differ_in_more_than_case("acquire", self.acquire)
+        _differ_in_more_than_case("scenarios", self.scenarios)
+        _same("run.scenarios", self.run.scenarios, "scenarios", list(self.scenarios))
+        self._check_scenarios()
+        self._check_what_is_named()
+        self._check_trainings()
+        return self
+
+    def _check_scenarios(self) -> None:
+        """A scenario has its data set, and what is said of a scenario is said of one there is."""
+        for name, scenario in self.scenarios.items():
+            if scenario.dataset not in self.acquire:
+                raise ValueError(f"scenarios.{name}.dataset {scenario.dataset!r} is not in acquire")
+        for where, named in self._scenarios_named():
+            if named not in self.scenarios:
+                raise ValueError(f"{where} {named!r} is not in scenarios")
+
+    def _check_trainings(self) -> None:
+        for method in self.run.baselines:
+            if not self.trainings.get(method):
+                raise ValueError(f"run.baselines needs trainings.{method}, which is not there")
+        for where, method, scenario in self._trainings_named():
+            if scenario not in self.trainings.get(method, {}):
+                raise ValueError(f"{where} needs trainings.{method}.{scenario}, which is not there")
+        for method, epochs in self.trainings.items():
+            for scenario in epochs:
+                self._check_normals(scenario, method)
+
+    def _check_what_is_named(self) -> None:
+        """Every method that is named there is, and of the kind that is needed."""
+        _check_methods("run.diffused", self.run.diffused, DIFFUSED)
+        _check_methods("run.baselines", self.run.baselines, baseline_names())
+        _check_methods("trainings", self.trainings, learned_names())
+        _check_methods("run.classical", self.run.classical, classical_names())
+        _check_methods("ablation.methods", self.ablation.methods, DIFFUSED)
+        _check_methods("ablation.noise.methods", self.ablation.noise.methods, _all_names())
+        self._check_sections()
+        self._check_ablated_methods()
+
+    def _check_sections(self) -> None:
+        """What is run has its section in ``methods``, what is trained in ``train`` too."""
+        run = self.run
+        for method in (*run.diffused, *run.baselines, *run.classical, *self.ablation.noise.methods):
+            for name in ("methods", "train") if method in learned_names() else ("methods",):
+                if getattr(getattr(self, name), method) is None:
+                    raise ValueError(f"{method} needs a section {name}.{method}, there is none")
+
+    def _check_ablated_methods(self) -> None:
+        for method in self.ablation.methods:
+            for name, given in self._told_by_method().items():
+                if method not in given:
+                    raise ValueError(f"{name} needs a number for {method}, has {sorted(given)}")
+            self._check_varied(method)
+
+    def _check_varied(self, method: str) -> None:
+        """The method as it is is trained once, as one of the representations in one scaling."""
+        network, ablation = getattr(self.methods, method).network, self.ablation
+        where = f"methods.{method}.network"
+        for key, listed in (("representation", "representations"), ("scaling", "scalings")):
+            own = getattr(network, key)
+            if own not in getattr(ablation, listed):
+                raise ValueError(
+                    f"ablation.{listed} needs {where}.{key} among them, which is {own}"
+                )
+        for key, listed in (("diffusion", "diffusions"), ("fusion", "fusions")):
+            own = getattr(network, key, None)
+            if own in getattr(ablation, listed):
+                raise ValueError(
+                    f"ablation.{listed} needs others than {where}.{key}, which is {own}"
+                )
+
+    def _told_by_method(self) -> dict[str, dict[str, Count]]:
+        """What an ablation says of each of its methods."""
+        draws = self.ablation.sampling.draws
+        return {"ablation.epochs": self.ablation.epochs, "ablation.sampling.draws": draws}
+
+    def _scenarios_named(self) -> Iterator[tuple[str, str]]:
+        """Where a section names a scenario, and which."""
+        for method, epochs in self.trainings.items():
+            for scenario in epochs:
+                yield f"trainings.{method}", scenario
+        yield "ablation.scenario", self.ablation.scenario
+        yield "ablation.noise.scenario", self.ablation.noise.scenario
+        yield "timing.scenario", self.timing.scenario
+
+    def _trainings_named(self) -> Iterator[tuple[str, str, str]]:
+        """Where a section needs a training, of which method and on which scenario."""
+        for method in self.run.diffused:
+            for scenario in self.run.scenarios:
+                yield "run.diffused", method, scenario
+        for method in self.ablation.methods:
+            yield "ablation.methods", method, self.ablation.scenario
+        for method in self.ablation.noise.methods:
+            if method in learned_names():
+                yield "ablation.noise.methods", method, self.ablation.noise.scenario
+
+    def _check_normals(self, scenario: str, method: str) -> None:
+        kept = self.scenarios[scenario].normals
+        if getattr(getattr(self.methods, method).network, "normals", kept) == "given" != kept:
+            raise ValueError(
+                f"methods.{method}.network.normals is given, which needs "
+                f"scenarios.{scenario}.normals to be given, got {kept}"
+            )
+
+    def epochs(self, scenario: str, method: str) -> int:
+        """How long a learned method is trained on a scenario.
+
+        Raises:
+            ValueError: It is not trained there.
+        """
+        return pick(pick(self.trainings, method, "trainings"), scenario, f"trainings.{method}")
+
+
+def shown_scenario(name: str) -> str:
+    """What the headline numbers call a scenario."""
+    return name.removeprefix("modelnet40-")
+
+
+def learned_names() -> list[str]:
+    """The methods that are trained."""
+    return sorted(
+        name
+        for name, field in Train.model_fields.items()
+        if field.annotation in (Optimisation, Optimisation | None)
+    )
+
+
+def baseline_names() -> list[str]:
+    """The learned methods that do not walk a pose back from noise."""
+    return sorted(set(learned_names()) - set(DIFFUSED))
+
+
+def classical_names() -> list[str]:
+    """The methods that are not trained."""
+    return sorted(set(Methods.model_fields) - set(learned_names()))
+
+
+def _all_names() -> list[str]:
+    return sorted(Methods.model_fields)
+
+
+def _check_methods(where: str, methods: Iterable[str], known: Sequence[str]) -> None:
+    """DVC makes paths and commands of these names too."""
+    for method in methods:
+        if method not in known:
+            raise ValueError(f"{where} needs some of {list(known)}, got {method!r}")
+
+
+def _differ_in_more_than_case(where: str, names: Iterable[str]) -> None:
+    """Some disks take such names for one."""
+    seen: dict[str, str] = {}
+    for name in names:
+        other = seen.setdefault(name.lower(), name)
+        if other != name:
+            raise ValueError(f"{where} has {other!r} and {name!r}, which differ in case only")
+
+
+def _same(a_name: str, a: Sequence[str], b_name: str, b: Sequence[str]) -> None:
+    if set(a) != set(b):
+        raise ValueError(f"{a_name} needs the same names as {b_name}: {set(a) ^ set(b)} differ")
+
+
+def pick(sections: Mapping[str, Named], name: str, where: str) -> Named:
+    """One of several named sections.
+
+    Raises:
+        ValueError: There is none of that name.
+    """
+    if name not in sections:
+        raise ValueError(f"params.yaml has no {where}.{name}, there are {sorted(sections)}")
+    return sections[name]
+
+
+def read_params(path: Path = Path("params.yaml")) -> Params:
+    """Read and check params.yaml.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: It is not YAML, or a key is missing, unknown or ill-typed; one sentence.
+    """
+    return check_params(read_yaml(path), path)
+
+
+def check_params(values: object, path: Path) -> Params:
+    """Return the params that the content of a file stands for.
+
+    Args:
+        values: The content.
+        path: The file, for the sentence that refuses it.
+
+    Raises:
+        ValueError: A key is missing, unknown or ill-typed; one sentence.
+    """
+    try:
+        return Params.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"] if part != "[key]") or "the file"
+        got = f", got {_shown(first['input'])}" if not isinstance(first["input"], dict) else ""
+        message = first["msg"].removeprefix("Value error, ")
+        raise ValueError(f"{path}: {' '.join(where.split())}: {message}{got}") from error
+
+
+def _shown(value: object) -> str:
+    """Return the beginning of a value's repr; of a list or a number of any length, too."""
+    short = Repr()
+    short.maxstring = short.maxlong = short.maxother = 100
+    try:
+        return short.repr(value)
+    except ValueError:  # Python writes out no integer of thousands of digits
+        return "thousands of digits"

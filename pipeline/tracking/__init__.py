@@ -1,0 +1,1 @@
+"""Journals of what ran, and their way into MLflow."""
