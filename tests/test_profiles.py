@@ -110,7 +110,7 @@ def test_the_settings_are_the_papers_counts_and_the_authors_own(name: str, metho
 
 
 def test_the_authors_own_settings_are_the_libraries_defaults() -> None:
-    from pcrdiff.bindings.open3d import registration
+    from pcrdiff.bindings.open3d_registration import registration
 
     methods = load("tables")["methods"]
     rounds = registration.ICPConvergenceCriteria().max_iteration

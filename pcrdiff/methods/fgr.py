@@ -5,7 +5,8 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from pcrdiff.bindings.open3d import check_matches, cloud, fpfh, open3d, registration
+from pcrdiff.bindings.open3d import open3d
+from pcrdiff.bindings.open3d_registration import check_matches, cloud, fpfh, registration
 from pcrdiff.geometry.span import TOLERANCE
 from pcrdiff.registration import check_clouds
 

@@ -5,7 +5,13 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from pcrdiff.bindings.open3d import centred, check_matches, cloud, one_thread, registration
+from pcrdiff.bindings.open3d_registration import (
+    centred,
+    check_matches,
+    cloud,
+    one_thread,
+    registration,
+)
 from pcrdiff.geometry.rigid import invert
 from pcrdiff.registration import check_clouds
 

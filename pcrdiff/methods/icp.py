@@ -5,7 +5,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.bindings.open3d import cloud, icp
+from pcrdiff.bindings.open3d_registration import cloud, icp
 from pcrdiff.registration import check_clouds
 
 

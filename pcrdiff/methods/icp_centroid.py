@@ -5,7 +5,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.bindings.open3d import centroid_shift, cloud, icp
+from pcrdiff.bindings.open3d_registration import centroid_shift, cloud, icp
 from pcrdiff.registration import check_clouds
 
 

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from pcrdiff.bindings.isolation import Isolated
 from pcrdiff.bindings.kiss_matcher import kiss_match
-from pcrdiff.bindings.open3d import centred, check_pose, check_support
+from pcrdiff.bindings.open3d_registration import centred, check_pose, check_support
 from pcrdiff.geometry.rigid import from_parts, invert
 from pcrdiff.registration import check_clouds
 

@@ -5,7 +5,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.bindings.open3d import ransac_fpfh
+from pcrdiff.bindings.open3d_registration import ransac_fpfh
 from pcrdiff.registration import check_clouds
 
 

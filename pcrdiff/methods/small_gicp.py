@@ -7,7 +7,7 @@ from jaxtyping import Float, Float64
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from pcrdiff.bindings.open3d import check_pose, check_support, ransac_fpfh
+from pcrdiff.bindings.open3d_registration import check_pose, check_support, ransac_fpfh
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.geometry.span import TOLERANCE
 from pcrdiff.registration import check_clouds

@@ -6,7 +6,7 @@ from jaxtyping import Float, Float64
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from pcrdiff.bindings.open3d import centroid_shift, check_support
+from pcrdiff.bindings.open3d_registration import centroid_shift, check_support
 from pcrdiff.geometry.procrustes import fit_rigid
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.registration import check_clouds

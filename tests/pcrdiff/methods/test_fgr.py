@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 import torch
 
-from pcrdiff.bindings.open3d import registration
+from pcrdiff.bindings.open3d_registration import registration
 from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.geometry.rigid import transform
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose

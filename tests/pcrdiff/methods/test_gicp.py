@@ -3,7 +3,8 @@
 import pytest
 import torch
 
-from pcrdiff.bindings.open3d import open3d, registration
+from pcrdiff.bindings.open3d import open3d
+from pcrdiff.bindings.open3d_registration import registration
 from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.methods.gicp import GICP

@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 import torch
 
-from pcrdiff.bindings.open3d import open3d, registration
+from pcrdiff.bindings.open3d import open3d
+from pcrdiff.bindings.open3d_registration import registration
 from pcrdiff.methods.ransac_fpfh import RansacFPFH
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 

@@ -157,10 +157,17 @@ def test_a_second_repro_is_refused_and_the_next_is_not(project: Path) -> None:
         pass
 
 
+def heed_interrupts() -> None:
+    """Undo what a shell does to its jobs in the background."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def start(project: Path) -> tuple[subprocess.Popen[bytes], list[str]]:
     """Start `pcrdiff repro` and wait until both stages run; give the identities of their shells."""
     words = [sys.executable, "-c", START, "repro", "-j", "2"]
-    leader = subprocess.Popen(words, cwd=project, start_new_session=True)
+    leader = subprocess.Popen(
+        words, cwd=project, start_new_session=True, preexec_fn=heed_interrupts
+    )
     files = [project / f"pid-{name}" for name in ("one", "two")]
     until = time.monotonic() + 120
     while not all(file.is_file() and file.read_text().strip() for file in files):

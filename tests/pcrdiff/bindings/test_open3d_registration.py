@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pcrdiff.bindings.open3d import (
+from pcrdiff.bindings.open3d import open3d
+from pcrdiff.bindings.open3d_registration import (
     check_matches,
     check_pose,
     check_support,
     cloud,
-    open3d,
     registration,
 )
 from tests.pcrdiff.made_up_clouds import lopsided_clouds, seeded, small_pose
