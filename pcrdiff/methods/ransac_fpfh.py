@@ -12,7 +12,7 @@ from pcrdiff.registration import check_clouds
 class RansacFPFH:
     """Matches FPFH features once and keeps the pose of three matches that most others support.
 
-    Open3D's documented settings, see :func:`pcrdiff.bindings.open3d.ransac_fpfh`; the distances that
+    Open3D's documented settings, see :func:`pcrdiff.bindings.open3d_registration.ransac_fpfh`; the distances that
     its examples measure in voxels are lengths here, and nothing is thinned to voxels.
     """
 
