@@ -19,7 +19,7 @@ setup: .venv/ready
 	@git config user.email >/dev/null || git config --local user.email pcrdiff@localhost
 	touch $@
 
-repro: setup  ## the main job: raw clouds to report, on embedded data
+repro: setup  ## the main job: raw clouds to report, on synthetic data
 	$(BIN)/pcrdiff repro
 	@echo
 	@echo "report:    $(CURDIR)/reports/index.html   (tables: reports/tables/results.md)"

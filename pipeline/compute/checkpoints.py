@@ -103,7 +103,7 @@ def open_checkpoint(
 
     Args:
         params: All the training depends on; compared as JSON.
-        deps: Files and folders it depends on, code and data alike; compared by their bytes.
+        deps: Files and folders it depends on, code and data; compared by their bytes.
         root: The project; by default DVC's, also from the folders of ``dvc exp run --temp``.
 
     Yields:

@@ -111,7 +111,7 @@ def _launch(devices: int, nodes: int) -> "Fabric":
     if 0 < gpus < devices:
         raise ValueError(f"train.devices is {devices}, and this host has {gpus} GPUs")
     os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # else its sums vary
-    # Without a search for unused parameters, buckets are laid out anew after the first step, and a
+    # Without a search for unused parameters, buckets are laid out again after the first step, and a
     # training that goes on from a checkpoint would sum in another order.
     strategy = DDPStrategy(timeout=PATIENCE, find_unused_parameters=True)
     fabric = Fabric(

@@ -64,7 +64,7 @@ SIZES = {
     "3dmatch": {"scenes", "fragments_per_scene", "frames_per_fragment"},
     "kitti": {"sequences", "scans_per_sequence"},
 }
-"""What says how large a made-up data set is, by family."""
+"""What says how large a synthetic data set is, by family."""
 
 
 class Acquire(Section):
@@ -75,7 +75,7 @@ class Acquire(Section):
     root: str | None
     archives: list[Archive]
     synthetic: dict[str, Count] | None
-    """The ``SIZES`` of the made-up data set."""
+    """The ``SIZES`` of the synthetic data set."""
 
     @model_validator(mode="after")
     def _source_is_told_what_it_needs(self) -> "Acquire":
@@ -191,7 +191,7 @@ class Sampling(Section):
 
     samplers: Listed[Sampler]
     draws: dict[str, Count]
-    """How many times each walk of a method is drawn anew, so that the spread is seen."""
+    """How many times each walk of a method is drawn, so that the spread is seen."""
 
 
 class Noise(Section):

@@ -172,7 +172,7 @@ def content_md5(path: Path) -> str:
 
 
 def processor() -> str:
-    """Return the name of this machine's processor; what it computes may hang on it."""
+    """Return the name of this machine's processor; what it computes may depend on it."""
     try:
         described = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     except OSError:
