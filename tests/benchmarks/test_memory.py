@@ -18,6 +18,6 @@ def test_a_row_is_a_registration_in_a_process_of_its_own() -> None:
     assert row.points == 40
     assert row.seconds > 0
     assert row.peak_mib > 100  # torch alone
-    ballast = torch.ones(100_000_000)  # 400 MB of this process
+    ballast = torch.ones(150_000_000)  # of this process; how much of a library is resident varies
     (beside,) = measure_memory(points=(40,))
-    assert beside.peak_mib < row.peak_mib + 100 < len(ballast) * 4 / 2**20 + 100
+    assert beside.peak_mib < row.peak_mib + 400 < row.peak_mib + len(ballast) * 4 / 2**20
