@@ -38,10 +38,8 @@ def main(argv: list[str] | None = None) -> None:
         errors = {}
         for scenario, weights in weights_by_scenario(params, args.method, args.models).items():
             pairs = args.pairs / f"{scenario}.h5"
-            settings, test = (
-                load_settings(params, args.method, pairs, weights),
-                read_pairs(pairs, "test"),
-            )
+            settings = load_settings(params, args.method, pairs, weights)
+            test = read_pairs(pairs, "test")
             answers = answer_settings(params, settings, test)
             write_estimates(args.answers / f"{scenario}.csv", test, answers)
             errors[scenario] = mean_error_r_deg(test, headline(answers))

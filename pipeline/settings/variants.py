@@ -1,6 +1,6 @@
 """Variants of a learned method, each trained on its own: what Tables 3 to 5 compare."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
@@ -29,7 +29,7 @@ def variants(params: Params, name: str, value: str | None = None) -> list[tuple[
     With ``value`` those alone that have it for what the ablation is named after.
     """
     found: list[tuple[str, Variant]] = []
-    for method in FUSED if name == "fusion" else params.ablation.methods:
+    for method in _methods(params, name):
         network = getattr(params.methods, method).network
         axes = {
             key: [value]
@@ -48,8 +48,13 @@ def settings_trained(params: Params, method: str, variant: Variant) -> list[str]
     if not is_as_it_is(params, method, variant):
         return [setting_of(variant)]
     network = getattr(params.methods, method).network
-    names = [name for name in TRAINED if name != "fusion" or method in FUSED]
+    names = [name for name in TRAINED if method in _methods(params, name)]
     return [setting_of({key: getattr(network, key) for key in TRAINED[name]}) for name in names]
+
+
+def _methods(params: Params, name: str) -> Sequence[str]:
+    """The methods that an ablation is of."""
+    return FUSED if name == "fusion" else params.ablation.methods
 
 
 def is_as_it_is(params: Params, method: str, variant: Variant) -> bool:
