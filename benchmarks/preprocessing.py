@@ -15,10 +15,10 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.measuring import Comparison, alternate
 from pcrdiff.bindings.open3d import open3d
-from pcrdiff.data.modelnet40 import read_items
-from pcrdiff.data.raw import RawItem
-from pcrdiff.data.scenarios import Corruption, make_pairs
 from pcrdiff.data.synthetic.modelnet40 import write_modelnet40
+from pcrdiff.datasets.items import RawItem
+from pcrdiff.datasets.modelnet40 import read_items
+from pcrdiff.pairs.scenarios import Corruption, make_pairs
 from pipeline.compute.machine import forget_peak, resident
 from pipeline.compute.progress import bar
 from pipeline.compute.workers import spread_over

@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pcrdiff.data.corruption import jitter
 from pcrdiff.geometry.precision import search_precision
+from pcrdiff.pairs.corruption import jitter
 from pcrdiff.registration import Pairs
 from pipeline.answering import answer
 from pipeline.catalogue import load_settings

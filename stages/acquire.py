@@ -5,16 +5,11 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from pcrdiff.data.acquisition import (
-    Archive,
-    download_archives,
-    refuse_download,
-    refuse_foreign,
-    write_manifest,
-)
 from pcrdiff.data.synthetic.kitti import write_kitti
 from pcrdiff.data.synthetic.modelnet40 import write_modelnet40
 from pcrdiff.data.synthetic.threedmatch import write_threedmatch
+from pcrdiff.datasets.download import Archive, download_archives, refuse_download
+from pcrdiff.datasets.manifest import refuse_foreign, write_manifest
 from pipeline.compute.progress import bar
 from pipeline.settings.params import Acquire, pick, read_params
 from pipeline.settings.seeding import stream

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from pcrdiff.data import kitti, modelnet40, threedmatch
-from pcrdiff.data.acquisition import read_digests, read_manifest, read_source
-from pcrdiff.data.raw import DegenerateShape, RawItem
-from pcrdiff.data.scenarios import (
+from pcrdiff.clouds.surface import DegenerateShape
+from pcrdiff.datasets import kitti, modelnet40, threedmatch
+from pcrdiff.datasets.items import RawItem
+from pcrdiff.datasets.manifest import read_digests, read_manifest, read_source
+from pcrdiff.loops import Spread, in_turn
+from pcrdiff.pairs.scenarios import (
     Corruption,
     Shown,
     Split,
@@ -19,7 +21,6 @@ from pcrdiff.data.scenarios import (
     make_pairs,
     split_items,
 )
-from pcrdiff.loops import Spread, in_turn
 from pcrdiff.registration import Pairs
 from pipeline.compute.machine import settle
 from pipeline.compute.progress import bar

@@ -17,8 +17,11 @@ from torch import Tensor
 
 from pcrdiff.geometry.precision import resolve, search_precision
 from pcrdiff.loops import silent
-from pcrdiff.processes import ALONE, Processes
-from pcrdiff.training import Budget, Checkpoint, Epoch, FreshPoses, Trainer, train
+from pcrdiff.training.budget import Budget, Epoch
+from pcrdiff.training.loop import Trainer, train
+from pcrdiff.training.poses import FreshPoses
+from pcrdiff.training.ranks import ALONE, Processes
+from pcrdiff.training.state import Checkpoint
 from pipeline.catalogue import build_untrained
 from pipeline.compute.checkpoints import NoCheckpoint, open_checkpoint
 from pipeline.compute.machine import settle
@@ -244,8 +247,8 @@ def train_method(
         "train_pairs": len(data),
         "epoch_pairs": trainer.pairs_per_epoch,
         "parameters": sum(p.numel() for p in network.parameters()),
-        "best_epoch": trainer.best_epoch,
-        "val_error_r_deg": _or_none(trainer.best_error),
+        "best_epoch": trainer.state.best_epoch,
+        "val_error_r_deg": _or_none(trainer.state.best_error),
         "poses": params.train.poses,
         **_process(params, method),
     }

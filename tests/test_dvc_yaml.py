@@ -33,12 +33,13 @@ from tests.recording import Reads, RecordingSection
 from tests.tiny import lay_out, run_instance, standing_in, tiny_params, write_params
 
 GLUE = {
-    "pcrdiff.processes": "says what several processes share; tests hold that they learn the same",
+    "pcrdiff.training.ranks": "says what several processes share; tests hold that they learn the same",
     "pcrdiff.loops": "watches loops and lets them be run elsewhere; says nothing of what they do",
     "pipeline.formats.answers": "writes files; its tests hold their bytes",
     "pipeline.formats.files": "writes and reads files; its tests hold their bytes",
     "pipeline.formats.pairs": "writes and reads files; its tests hold their bytes",
     "pipeline.formats.weights": "writes and reads files; its tests hold their bytes",
+    "pipeline.answering": "hands pairs and seeds to pcrdiff.evaluation; its tests hold the seeds",
     "pipeline.catalogue": "hands params to methods; a new method must not retrain the old ones",
     "pipeline.compute.checkpoints": "keeps what a training gives it, and gives it back",
     "pipeline.tracking.run": "finds the project and names the run",

@@ -13,7 +13,7 @@ from pipeline.tracking.dvcignore import seen_files
 from pipeline.tracking.journal import content_md5
 from tests.described import REPOSITORY, expand, read_repository_params
 
-CODE = ("pcrdiff/data", "pcrdiff/models", "pipeline/reporting/templates", "stages", "benchmarks")
+CODE = ("pcrdiff/clouds", "pcrdiff/models", "pipeline/reporting/templates", "stages", "benchmarks")
 ANYWHERE = (
     ".#x.py",  # Emacs: a link that leads nowhere
     "#x.py#",
@@ -70,7 +70,7 @@ def test_all_code_and_every_table_of_benchmarks_is_seen(ignored: DvcIgnoreFilter
     names = done.stdout.split()
     assert len(names) > 100
     assert [name for name in names if is_ignored(ignored, name)] == []
-    assert not is_ignored(ignored, "pcrdiff/data/deeper/new.py")
+    assert not is_ignored(ignored, "pcrdiff/clouds/deeper/new.py")
     assert not is_ignored(ignored, "data/raw/toy/airplane/train/airplane_0001.off")
 
 
@@ -79,16 +79,16 @@ def test_a_link_of_emacs_in_a_dep_neither_stops_dvc_nor_changes_anything(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / ".dvcignore").write_text((REPOSITORY / ".dvcignore").read_text())
-    (tmp_path / "pcrdiff" / "data").mkdir(parents=True)
-    (tmp_path / "pcrdiff" / "data" / "x.py").write_text("")
+    (tmp_path / "pcrdiff" / "clouds").mkdir(parents=True)
+    (tmp_path / "pcrdiff" / "clouds" / "x.py").write_text("")
     (tmp_path / "dvc.yaml").write_text(
-        "stages:\n  make:\n    cmd: date > made\n    deps: [pcrdiff/data]\n    outs: [made]\n"
+        "stages:\n  make:\n    cmd: date > made\n    deps: [pcrdiff/clouds]\n    outs: [made]\n"
     )
     with Repo.init(str(tmp_path), no_scm=True) as repo:
         repo.reproduce()
         assert repo.status() == {}
-    (tmp_path / "pcrdiff" / "data" / ".#x.py").symlink_to("me@host.123")
-    (tmp_path / "pcrdiff" / "data" / "x.py~").write_text("old")
+    (tmp_path / "pcrdiff" / "clouds" / ".#x.py").symlink_to("me@host.123")
+    (tmp_path / "pcrdiff" / "clouds" / "x.py~").write_text("old")
     with Repo(str(tmp_path)) as repo:
         assert repo.status() == {}
         assert repo.reproduce() == []
@@ -114,7 +114,7 @@ def test_journals_and_checkpoints_see_what_dvc_sees(littered: Path, top: str) ->
 
 
 @pytest.mark.parametrize("name", ["x.py~", ".#x.py", "4913", "x.py.bak", ".hidden/x.py"])
-@pytest.mark.parametrize("folder", ["pcrdiff/data", "stages"])
+@pytest.mark.parametrize("folder", ["pcrdiff/clouds", "stages"])
 def test_an_editors_file_changes_no_digest_and_no_fingerprint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, name: str
 ) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from pcrdiff.data.acquisition import MANIFEST, is_stale
+from pcrdiff.datasets.manifest import MANIFEST, is_stale
 from pipeline.command.graph import Needs, ask_dvc, by_urgency, group_of, stage_needs, wanted
 from pipeline.command.locks import check_locks
 from pipeline.formats.yaml_files import read_yaml

@@ -11,8 +11,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, distributed
 
-from pcrdiff.processes import ALONE, Loss, Processes
 from pcrdiff.registration import LearnedMethod
+from pcrdiff.training.ranks import ALONE, Loss, Processes
 from pipeline.compute.checkpoints import fingerprint
 from pipeline.compute.machine import end_with_parent
 

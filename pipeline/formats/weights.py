@@ -12,7 +12,7 @@ from torch import Tensor
 from pipeline.formats.files import write_atomically, write_csv
 
 if TYPE_CHECKING:
-    from pcrdiff.training import Epoch
+    from pcrdiff.training.budget import Epoch
 
 
 WEIGHTS, CURVE, FACTS = "weights.safetensors", "curve.csv", "facts.json"

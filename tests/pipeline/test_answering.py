@@ -3,6 +3,7 @@
 from math import cos, radians, sin
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -12,6 +13,7 @@ from pcrdiff.registration import Pairs
 from pipeline import catalogue
 from pipeline.answering import (
     answer,
+    answer_all,
     answer_settings,
     headline,
     mean_error_r_deg,
@@ -20,6 +22,7 @@ from pipeline.catalogue import load_learned, load_settings
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.weights import write_weights
 from pipeline.settings.params import Params, read_params
+from pipeline.settings.seeding import stream
 from tests.pipeline.formats.test_formats import made_up_pairs
 from tests.tiny import CF, PAIRS, tiny_params, weights, write_params
 
@@ -85,6 +88,41 @@ def test_a_pair_that_a_method_fails_on_is_counted_and_scored_as_the_identity(
     assert [bool(failure) for failure in given.failures] == left
     assert given.failures[0] == "fussy does not like it"
     assert torch.equal(given.T_target_source, torch.eye(4).double().repeat(len(pairs), 1, 1))
+
+
+class Drawing:
+    """Answers a shift that its generator drew."""
+
+    name = "drawing"
+
+    def register(
+        self, source: torch.Tensor, target: torch.Tensor, *, generator: torch.Generator
+    ) -> torch.Tensor:
+        """As every method does."""
+        del target
+        pose = torch.eye(4).repeat(len(source), 1, 1)
+        pose[:, 0, 3] = torch.rand(len(source), generator=generator)
+        return pose
+
+
+@pytest.mark.usefixtures("project")
+def test_each_pair_and_draw_has_a_seed_of_its_own_the_same_for_every_method() -> None:
+    params, pairs = read_params(), read_pairs(PAIRS, "test")
+    drawn = {"first": (Drawing(), 0), "second": (Drawing(), 1), "again": (Drawing(), 0)}
+    answers = {
+        name: given.T_target_source for name, given in answer_all(params, drawn, pairs).items()
+    }
+    assert torch.equal(answers["first"], answers["again"])
+    assert not torch.equal(answers["first"], answers["second"])
+    for draw, name in enumerate(("evaluate", "evaluate/1")):
+        shifts = []
+        for k in range(len(pairs)):
+            words = np.random.SeedSequence([stream(params.seed, name), k]).generate_state(
+                1, np.uint64
+            )
+            generator = torch.Generator().manual_seed(int(words[0] >> np.uint64(1)))
+            shifts.append(torch.rand(1, generator=generator).item())
+        assert list(answers.values())[draw][:, 0, 3].tolist() == pytest.approx(shifts)
 
 
 @pytest.mark.usefixtures("project")

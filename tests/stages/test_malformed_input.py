@@ -12,8 +12,8 @@ import h5py
 import numpy as np
 import pytest
 
-from pcrdiff.data import kitti, threedmatch
-from pcrdiff.data.off import read_off
+from pcrdiff.clouds.off import read_off
+from pcrdiff.datasets import kitti, threedmatch
 from tests.tiny import (
     CB,
     CF,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from pcrdiff.data.acquisition import read_digests, write_manifest
+from pcrdiff.datasets.manifest import read_digests, write_manifest
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.registration import Pairs
 from pipeline.settings.params import Scenario, read_params

@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 
-from pcrdiff.training import Trainer
+from pcrdiff.training.loop import Trainer
 from pipeline.compute import checkpoints
 from pipeline.compute.stage import run
 from stages.train import main

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from pcrdiff.data.raw import Mesh
+from pcrdiff.clouds.surface import Mesh
 from pcrdiff.data.synthetic.scene import RayScene, merged
 from pcrdiff.data.synthetic.street import MATERIALS, Part, Road, sample_street
 from pcrdiff.loops import Progress, silent

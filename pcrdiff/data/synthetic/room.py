@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from pcrdiff.data.raw import Mesh
+from pcrdiff.clouds.surface import Mesh
 from pcrdiff.data.synthetic import furniture as make
 from pcrdiff.data.synthetic.scene import ball, box, merged, placed
 

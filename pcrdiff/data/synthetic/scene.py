@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from pcrdiff.bindings.open3d import open3d
-from pcrdiff.data.raw import Mesh
+from pcrdiff.clouds.surface import Mesh
 
 # Eight corners, the lower four first, counter-clockwise; twelve triangles facing outwards.
 _CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])

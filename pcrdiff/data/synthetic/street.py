@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from pcrdiff.data.raw import Mesh
+from pcrdiff.clouds.surface import Mesh
 from pcrdiff.data.synthetic.scene import ball, box, frustum, leaves, merged, placed, sheet, tapered
 
 Metres = Float64[np.ndarray, " stations"]

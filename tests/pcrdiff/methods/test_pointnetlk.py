@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from pcrdiff.data.modelnet40 import read_items
-from pcrdiff.data.raw import sample_points
+from pcrdiff.clouds.surface import sample_points
+from pcrdiff.datasets.modelnet40 import read_items
 from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.pointnetlk import PointNetLK

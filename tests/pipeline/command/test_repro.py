@@ -210,7 +210,7 @@ stages:
     do:
       cmd: >-
         {python} -c "from pathlib import Path;
-        from pcrdiff.data.acquisition import write_manifest as write;
+        from pcrdiff.datasets.manifest import write_manifest as write;
         write(Path('../boxes'), Path('raw'), source='local')"
       outs:
       - raw:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 import torch
+from pcrdiff.training.budget import Epoch
 
-from pcrdiff.processes import ALONE
-from pcrdiff.training import Epoch
+from pcrdiff.training.ranks import ALONE
 from pipeline.compute.ranks import check_agreement, join
 from pipeline.tracking.run import is_running, process_identity
 from tests.described import REPOSITORY

@@ -17,9 +17,11 @@ from pcrdiff.methods.fmr import FMR
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.methods.pcrnet import PCRNet
 from pcrdiff.models.pose_encoder import Diffusion
-from pcrdiff.processes import Processes
 from pcrdiff.registration import LearnedMethod
-from pcrdiff.training import Budget, Epoch, FreshPoses, Trainer, train
+from pcrdiff.training.budget import Budget, Epoch
+from pcrdiff.training.loop import Trainer, train
+from pcrdiff.training.poses import FreshPoses
+from pcrdiff.training.ranks import Processes
 from pipeline.compute.ranks import join
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 
@@ -87,7 +89,7 @@ def outcome(name: str, processes: Processes, memory: Memory) -> Outcome:
         make_method(name), pairs, val, budget, FreshPoses(0.5, 0.5), seed=3, processes=processes
     )
     best, curve = train(trainer, memory, memory.watched)
-    return Outcome(curve, trainer.best_epoch, best, trainer.method.state_dict())
+    return Outcome(curve, trainer.state.best_epoch, best, trainer.method.state_dict())
 
 
 def main() -> None:

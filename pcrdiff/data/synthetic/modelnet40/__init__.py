@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pcrdiff.data.modelnet40 import CATEGORIES, SYMMETRIC
-from pcrdiff.data.raw import Mesh
+from pcrdiff.clouds.surface import Mesh
 from pcrdiff.data.synthetic.modelnet40 import (
     buildings,
     cabinets,
@@ -19,6 +18,7 @@ from pcrdiff.data.synthetic.modelnet40 import (
     vehicles,
     vessels,
 )
+from pcrdiff.datasets.modelnet40 import CATEGORIES, SYMMETRIC
 from pcrdiff.loops import Progress, silent
 
 MAKERS: dict[str, Callable[..., Mesh]] = {

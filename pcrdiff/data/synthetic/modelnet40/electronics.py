@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
-from pcrdiff.data.raw import Mesh
+from pcrdiff.clouds.surface import Mesh
 from pcrdiff.data.synthetic.modelnet40.solids import (
     Real,
     Span,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pcrdiff.data.raw import Mesh
+from pcrdiff.clouds.surface import Mesh
 from pcrdiff.data.synthetic.modelnet40.parts import (
     knob,
     legs,

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pcrdiff.data.raw import Mesh
+from pcrdiff.clouds.surface import Mesh
 from pcrdiff.data.synthetic.modelnet40.parts import (
     LEG_STYLES,
     arc,

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from pcrdiff.data.raw import Mesh
+from pcrdiff.clouds.surface import Mesh
 
 Real = float | int  # spelt out: beartype knows no numeric tower
 Span = tuple[Real, Real]

@@ -11,9 +11,9 @@ from jaxtyping import Float64
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from pcrdiff.data.modelnet40 import CATEGORIES, SYMMETRIC, read_items
-from pcrdiff.data.raw import Cloud, Mesh, sample_points
+from pcrdiff.clouds.surface import Cloud, Mesh, sample_points
 from pcrdiff.data.synthetic.modelnet40 import MAKERS, make_shape, write_modelnet40
+from pcrdiff.datasets.modelnet40 import CATEGORIES, SYMMETRIC, read_items
 
 T = TypeVar("T")
 TRAIN, TEST, SEED = 2, 1, 5

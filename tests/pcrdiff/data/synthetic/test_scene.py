@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pcrdiff.data.raw import Mesh
+from pcrdiff.clouds.surface import Mesh
 from pcrdiff.data.synthetic.scene import RayScene, box, frustum, leaves, merged, placed, tapered
 
 

@@ -1,0 +1,1 @@
+"""Point clouds and meshes: their files, and points drawn from their surfaces."""
