@@ -35,7 +35,7 @@ class Work:
 
 def measure_ceilings(effort: Effort, environment: str) -> list[Ceiling]:
     """Matrix products and a copy, then the loops, all in turn."""
-    works = [*machine_works(effort), *loop_works(effort)]
+    works = [*machine_works(effort), *cf_loops(effort), *cb_loops(effort.points)]
     seconds = alternate([work.call for work in works], effort.repeats, WARM_UP)
     taken = [summarise(each) for each in seconds]
     gemm = max(
@@ -93,8 +93,8 @@ def product(name: str, shape: tuple[int, int, int], dtype: torch.dtype) -> Work:
 
 
 @torch.no_grad()
-def loop_works(effort: Effort) -> Iterable[Work]:
-    """The loops that training and inference spend their time in."""
+def cf_loops(effort: Effort) -> Iterable[Work]:
+    """What CF repeats in every step, in training and for one pair."""
     batch, points = effort.cf_step
     n = effort.points
     generator = torch.Generator().manual_seed(0)
@@ -122,6 +122,12 @@ def loop_works(effort: Effort) -> Iterable[Work]:
         2 * 8.0 * batch * points**2,  # a product of 3 and 1 terms, and a comparison
         FLOAT * 2 * clouds.numel(),
     )
+
+
+@torch.no_grad()
+def cb_loops(n: int) -> Iterable[Work]:
+    """What CB repeats in every step, on clouds of ``n`` points."""
+    generator = torch.Generator().manual_seed(1)
     embedding = StructureEmbedding(dim=DIM)
     descriptors = torch.rand(1, n, NEIGHBOURS, DESCRIPTOR_DIM, generator=generator)
     yield Work(

@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from pcrdiff.training.budget import Budget
-from pcrdiff.training.poses import FreshPoses
 from torch import Tensor
 
 from pcrdiff.evaluation import evaluate
 from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.geometry.precision import SearchPrecision, set_search_precision
 from pcrdiff.registration import Pairs
+from pcrdiff.training.budget import Budget
 from pcrdiff.training.loop import Trainer, train
+from pcrdiff.training.poses import FreshPoses
 from pipeline.catalogue import build_untrained
 from pipeline.compute.machine import settle
 from pipeline.compute.progress import bar

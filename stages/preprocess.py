@@ -107,43 +107,52 @@ def preprocess(
     doubled = find_doubled(items, chosen, read_digests(raw, root))
     if doubled:
         sys.stderr.write(f"pcrdiff preprocess: {_say_doubled(scenario.dataset, doubled)}\n")
-    corruption = Corruption(
-        scenario.num_points,
-        scenario.sampling,
-        scenario.max_rotation,
-        scenario.max_translation,
-        scenario.jitter_deviation,
-        scenario.jitter_clip,
-        scenario.keep,
-        scenario.normals,
-    )
+    corruption = corruption_of(scenario)
     splits, dropped = {}, dict[str, list[str]]()
     for split, index in chosen.items():
         seeds = [stream(seed, f"{name}/{split}")]
         every = choose_shown(index, getattr(scenario.pairs, split), seeds)
         find = partial(find_degenerate, items, every, corruption, seeds, bar, spread)
         shown: Shown = every
-        if scenario.degenerate == "drop":
-            numbers = find()
+        if scenario.degenerate == "drop" and (numbers := find()):
             dropped[split] = [items[every[k]].name for k in numbers]
             shown = _without(every, numbers, f"{scenario.dataset} {split}")
         blocks = make_pairs(items, shown, corruption, seeds, bar, spread)
         splits[split] = Streamed(len(shown), _of(scenario.dataset, blocks, find))
-    source, sha256 = read_source(raw)
     provenance = {
-        "dataset": scenario.dataset,
-        "source": source,
-        "files_sha256": sha256,
+        **_origin(scenario, family, raw),
         "items": {split: len(index) for split, index in chosen.items()},
-        "licence": SYNTHETIC_LICENCE if source == "synthetic" else LICENCES[family],
-        "scenario": {key: v for key, v in scenario.model_dump().items() if key != "degenerate"},
+        **({"dropped_as_degenerate": dropped} if dropped else {}),
     }
-    dropped = {split: names for split, names in dropped.items() if names}
-    if dropped:
-        provenance["dropped_as_degenerate"] = dropped
     label = "category" if family == "modelnet40" else "scene"
     attributes = {"scenario": name, "unit": "unit sphere", "seed": seed, "provenance": provenance}
     return Preprocessed(splits, label, attributes, dropped)
+
+
+def corruption_of(scenario: Scenario) -> Corruption:
+    """How the scenario makes a pair of an item, with the angle in radians."""
+    return Corruption(
+        num_points=scenario.num_points,
+        sampling=scenario.sampling,
+        max_rotation=scenario.max_rotation,
+        max_translation=scenario.max_translation,
+        jitter_deviation=scenario.jitter_deviation,
+        jitter_clip=scenario.jitter_clip,
+        keep=scenario.keep,
+        normals=scenario.normals,
+    )
+
+
+def _origin(scenario: Scenario, family: str, raw: Path) -> dict[str, object]:
+    """Where the pairs come from, under which licence, and how they were made."""
+    source, sha256 = read_source(raw)
+    return {
+        "dataset": scenario.dataset,
+        "source": source,
+        "files_sha256": sha256,
+        "licence": SYNTHETIC_LICENCE if source == "synthetic" else LICENCES[family],
+        "scenario": {key: v for key, v in scenario.model_dump().items() if key != "degenerate"},
+    }
 
 
 def find_doubled(

@@ -58,18 +58,20 @@ def main(argv: list[str] | None = None) -> None:
         "--models", type=Path, required=True, help="folder of the training or trainings"
     )
     args = parser.parse_args(argv)
+    if args.ablation and not args.value:
+        parser.error("--ablation needs --value, one of what it varies")
 
     params = read_params()
     if args.ablation:
-        tasks = ablation_tasks(params, args.ablation, args.value, args.pairs, args.models)
+        trainings = ablation_trainings(params, args.ablation, args.value, args.pairs, args.models)
     elif args.scenario:
-        tasks = [Task(args.scenario, args.method, args.pairs, args.models)]
+        trainings = [Training(args.scenario, args.method, args.pairs, args.models)]
     else:
-        tasks = [
-            Task(name, args.method, args.pairs / f"{name}.h5", args.models / name)
+        trainings = [
+            Training(name, args.method, args.pairs / f"{name}.h5", args.models / name)
             for name in pick(params.trainings, args.method, "trainings")
         ]
-    train_all(params, tasks)
+    train_all(params, trainings)
 
 
 CODE = (
@@ -78,15 +80,15 @@ CODE = (
     Path("pipeline/compute/ranks.py"),
     Path("stages/train.py"),
 )
-"""What a half-done training was made with: if it changes, the training starts anew."""
+"""What a half-done training was made with: if it changes, the training starts again."""
 
 VALIDATION_WALK = {"steps": 1, "sampler": "ddpm", "hypotheses": 1}
-"""How validation samples, whatever evaluation does: other steps must not choose other weights."""
+"""How validation samples: fixed, so that evaluation settings cannot influence model selection."""
 
 
 @dataclass(frozen=True)
-class Task:
-    """One training of a stage."""
+class Training:
+    """What is trained on what, one of the trainings of a stage."""
 
     scenario: str
     method: str
@@ -97,12 +99,12 @@ class Task:
     """What differs from the method as params.yaml has it; nothing for a main training."""
 
 
-def ablation_tasks(
+def ablation_trainings(
     params: Params, ablation: str, value: str, pairs: Path, models: Path
-) -> list[Task]:
+) -> list[Training]:
     """The trainings of an ablation with one value of what it varies."""
     return [
-        Task(
+        Training(
             params.ablation.scenario,
             method,
             pairs,
@@ -138,8 +140,8 @@ class Trained:
             notes.metrics(values, step=epoch.epoch)
 
 
-def train_all(params: Params, tasks: Sequence[Task]) -> None:
-    """Train each task to the end of its budget, and write its files as soon as it is done.
+def train_all(params: Params, trainings: Sequence[Training]) -> None:
+    """Train each to the end of its budget, and write its files as soon as it is done.
 
     Of several processes the first writes; the others train along. When the stage is killed, the
     states of all its trainings are kept, and it continues from them.
@@ -148,23 +150,23 @@ def train_all(params: Params, tasks: Sequence[Task]) -> None:
         FileNotFoundError, ValueError: A pair file is missing or is not one, or the processes disagree.
         RuntimeError: A gradient is not finite.
     """
-    told = [training_params(params, t.scenario, t.method, t.variant) for t in tasks]
-    pairs = sorted({task.pairs for task in tasks})
+    told = [training_params(params, t.scenario, t.method, t.variant) for t in trainings]
+    pairs = sorted({training.pairs for training in trainings})
     with join(params.train.devices, params.train.nodes) as processes:
         settle(params.threads, params.search_precision)
         check_agreement(processes, {"trainings": told}, [*pairs, *CODE])
         if processes.rank > 0:
-            for task in tasks:
-                train_method(params, task, NoCheckpoint(), processes)
+            for training in trainings:
+                train_method(params, training, NoCheckpoint(), processes)
             return
         with journal(params=_noted(told), inputs=pairs) as notes, ExitStack() as until_all_are_done:
-            for task, its_params in zip(tasks, told, strict=True):
+            for training, its_params in zip(trainings, told, strict=True):
                 checkpoint = until_all_are_done.enter_context(
-                    open_checkpoint(its_params, [task.pairs, *CODE])
+                    open_checkpoint(its_params, [training.pairs, *CODE])
                 )
-                outcome = train_method(params, task, checkpoint, processes)
-                outcome.write(task.folder)
-                if len(tasks) == 1:
+                outcome = train_method(params, training, checkpoint, processes)
+                outcome.write(training.folder)
+                if len(trainings) == 1:
                     outcome.note_curve(notes)
 
 
@@ -206,7 +208,7 @@ def training_params(
 
 
 def train_method(
-    params: Params, task: Task, checkpoint: Checkpoint, processes: Processes = ALONE
+    params: Params, training: Training, checkpoint: Checkpoint, processes: Processes = ALONE
 ) -> Trained:
     """Train a method, or a variant of it, to the end of its budget.
 
@@ -217,11 +219,11 @@ def train_method(
         FileNotFoundError, ValueError: The pair file is missing or is not one.
         RuntimeError: A gradient is not finite.
     """
-    scenario, method, variant = task.scenario, task.method, task.variant
+    scenario, method, variant = training.scenario, training.method, training.variant
     torch.manual_seed(stream(params.seed, f"init/{scenario}/{method}"))
     walk = params.diffusion.model_copy(update=VALIDATION_WALK)
     network = build_untrained(method, params.methods, walk, variant)
-    data, val = read_pairs(task.pairs, "train"), read_pairs(task.pairs, "val")
+    data, val = read_pairs(training.pairs, "train"), read_pairs(training.pairs, "val")
     settings = getattr(params.train, method)
     budget = Budget(epochs_of(params, scenario, method, variant), **settings.model_dump())
     trainer = Trainer(
@@ -229,32 +231,41 @@ def train_method(
         data,
         val,
         budget,
-        fresh_poses(task.pairs) if params.train.poses == "fresh" else None,
+        fresh_poses(training.pairs) if params.train.poses == "fresh" else None,
         seed=stream(params.seed, f"train/{scenario}/{method}"),
         processes=processes,
     )
     weights, curve = train(trainer, checkpoint, bar if processes.rank == 0 else silent)
+    facts = facts_of(params, training, trainer, len(data))
+    return Trained(weights, curve, facts)
+
+
+def facts_of(
+    params: Params, training: Training, trainer: Trainer, train_pairs: int
+) -> dict[str, object]:
+    """How much training this was, for the report and for whoever is given the weights."""
+    budget, state = trainer.budget, trainer.state
     facts: dict[str, object] = {
-        "method": method,
-        "scenario": scenario,
+        "method": training.method,
+        "scenario": training.scenario,
         "epochs": budget.epochs,
-        "steps": curve[-1].step,
+        "steps": state.curve[-1].step,
         "batch_size": budget.batch_size,
         "devices": params.train.devices,
         "nodes": params.train.nodes,
         "threads": params.threads,
         "search_precision": search_precision(),
-        "train_pairs": len(data),
+        "train_pairs": train_pairs,
         "epoch_pairs": trainer.pairs_per_epoch,
-        "parameters": sum(p.numel() for p in network.parameters()),
-        "best_epoch": trainer.state.best_epoch,
-        "val_error_r_deg": _or_none(trainer.state.best_error),
+        "parameters": sum(p.numel() for p in trainer.method.parameters()),
+        "best_epoch": state.best_epoch,
+        "val_error_r_deg": state.best_error if math.isfinite(state.best_error) else None,
         "poses": params.train.poses,
-        **_process(params, method),
+        **_process(params, training.method),
     }
-    if variant:
-        facts["settings"] = settings_trained(params, method, variant)
-    return Trained(weights, curve, facts)
+    if training.variant:
+        facts["settings"] = settings_trained(params, training.method, training.variant)
+    return facts
 
 
 def _process(params: Params, method: str) -> dict[str, int]:
@@ -266,7 +277,3 @@ def fresh_poses(pairs: Path) -> FreshPoses:
     """New poses within the bounds that the pair file says its own were drawn within."""
     made = read_attributes(pairs)["provenance"]["scenario"]
     return FreshPoses(math.radians(made["max_rotation_deg"]), made["max_translation"])
-
-
-def _or_none(value: float) -> float | None:
-    return value if math.isfinite(value) else None

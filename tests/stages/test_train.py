@@ -256,3 +256,13 @@ def test_a_process_that_dies_takes_the_other_with_it(project: Path, how: str) ->
     assert "Traceback" not in done.stderr
     assert outputs(CF) == {}
     assert processes_of(project) == [Path(f"/proc/{os.getpid()}/cwd")]
+
+
+def test_refuses_an_ablation_without_the_value_to_train(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pairs = ["--pairs", str(project / "pairs.h5"), "--models", str(project / "models")]
+    with pytest.raises(SystemExit) as ended:
+        training.main(["--ablation", "fusion", *pairs])
+    assert ended.value.code == 2
+    assert "--ablation needs --value" in capsys.readouterr().err

@@ -10,7 +10,7 @@ from pcrdiff.geometry.precision import SearchPrecision, set_search_precision
 from pipeline.settings.params import Params, read_params
 from pipeline.settings.variants import AS_IT_IS, Variant
 from pipeline.tracking.journal import Journal
-from stages.train import CODE, Task, Trained, fresh_poses, train_method, training_params
+from stages.train import CODE, Trained, Training, fresh_poses, train_method, training_params
 from tests.described import read_templates
 from tests.tiny import CB, CF, PAIRS, SCENARIO
 
@@ -31,8 +31,8 @@ class Forgetful:
 
 
 def train(params: Params, method: str = CF, variant: Variant = AS_IT_IS) -> Trained:
-    task = Task(SCENARIO, method, PAIRS, Path("nowhere"), variant)
-    return train_method(params, task, Forgetful())
+    training = Training(SCENARIO, method, PAIRS, Path("nowhere"), variant)
+    return train_method(params, training, Forgetful())
 
 
 def changed(params: Params, section: str, **update: object) -> Params:
@@ -166,7 +166,7 @@ def test_the_journal_gets_the_curve(tmp_path: Path) -> None:
 def test_refuses_a_missing_pair_file() -> None:
     with pytest.raises(FileNotFoundError, match=r"gone\.h5, there is none: run preprocess"):
         train_method(
-            read_params(), Task(SCENARIO, CF, Path("gone.h5"), Path("nowhere")), Forgetful()
+            read_params(), Training(SCENARIO, CF, Path("gone.h5"), Path("nowhere")), Forgetful()
         )
 
 

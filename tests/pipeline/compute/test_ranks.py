@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 import torch
-from pcrdiff.training.budget import Epoch
 
+from pcrdiff.training.budget import Epoch
 from pcrdiff.training.ranks import ALONE
 from pipeline.compute.ranks import check_agreement, join
 from pipeline.tracking.run import is_running, process_identity

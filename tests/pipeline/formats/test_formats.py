@@ -14,12 +14,12 @@ import h5py
 import numpy as np
 import pytest
 import torch
-from pcrdiff.training.budget import Epoch
 from safetensors.torch import save_file
 from torch import nn
 
 from pcrdiff.evaluation import Estimates
 from pcrdiff.registration import SPLITS, Pairs
+from pcrdiff.training.budget import Epoch
 from pipeline.formats.answers import ANSWER, write_ablation, write_estimates
 from pipeline.formats.files import write_atomically, write_json
 from pipeline.formats.pairs import Streamed, read_attributes, read_pairs, write_pairs
