@@ -65,7 +65,7 @@ LICENCES = {
     "kitti": "CC BY-NC-SA 3.0 (www.cvlibs.net)",
 }
 SYNTHETIC_LICENCE = "MIT, made by this project"
-SHOWN = 5
+DOUBLED_NAMED = 5
 """Doubled contents that are named before they are only counted."""
 
 
@@ -180,9 +180,9 @@ def find_doubled(
 def _say_doubled(dataset: str, doubled: Sequence[Mapping[str, RawItem]]) -> str:
     named = [
         " = ".join(f"{_place(item)} in {split}" for split, item in by_split.items())
-        for by_split in doubled[:SHOWN]
+        for by_split in doubled[:DOUBLED_NAMED]
     ]
-    more = f"; and {len(doubled) - SHOWN} more" if len(doubled) > SHOWN else ""
+    more = f"; and {len(doubled) - DOUBLED_NAMED} more" if len(doubled) > DOUBLED_NAMED else ""
     return (
         f"{dataset} has the same content in several splits, {len(doubled)} times, so a method may be "
         f"tested on what it was trained on: {'; '.join(named)}{more}"

@@ -130,10 +130,12 @@ def timed_methods(params: Params, models: Path) -> Mapping[str, Path | None]:
 def time_settings(load: Callable[[], Mapping[str, Method]], test: Pairs, warm_up: int) -> Costs:
     """Load a method and time it in each of its settings on the test pairs, one by one."""
     settings, before = load(), resident("VmRSS")
-    return {name: time_pairs(method, test, warm_up, before) for name, method in settings.items()}
+    return {
+        name: time_registrations(method, test, warm_up, before) for name, method in settings.items()
+    }
 
 
-def time_pairs(method: Method, test: Pairs, warm_up: int, before: float) -> list[Cost]:
+def time_registrations(method: Method, test: Pairs, warm_up: int, before: float) -> list[Cost]:
     """Time every pair by itself after ``warm_up`` registrations of the first.
 
     Memory is counted from ``before``, in MiB: what a method allocates once, in whichever of its

@@ -21,7 +21,7 @@ COMMENT = re.compile(
     rb"#(?<!\S#)[^\r\n]*"
 )  # looks back from the ``#``, so that it is searched fast
 """From a ``#`` that begins a line or stands after a blank; within a word it is a fault."""
-SHOWN = 60
+QUOTED = 60
 """How much of a line is shown."""
 
 
@@ -93,7 +93,7 @@ def check_width(lines: Sequence[Line], width: int, path: Path, form: str) -> Non
         if found != width:
             raise ValueError(
                 f"{path}, line {line.number}, needs {form}, {width} numbers, got {found} in "
-                f"{line.text.strip()[:SHOWN]!r}"
+                f"{line.text.strip()[:QUOTED]!r}"
             )
 
 
@@ -133,7 +133,7 @@ def _read_row(
 ) -> list[float]:
     words = line.text.split(separator)
     if len(words) <= max(columns):
-        raise ValueError(f"{path}, line {line.number}, needs {form}, got {line.text[:SHOWN]!r}")
+        raise ValueError(f"{path}, line {line.number}, needs {form}, got {line.text[:QUOTED]!r}")
     where = f"{path}, line {line.number},"
     return [read_number(words[column].strip(), where, form) for column in columns]
 
@@ -151,7 +151,7 @@ def read_number(word: str, where: str, form: str) -> float:
     """
     number = float(word) if NUMBER.fullmatch(word) else math.nan
     if not math.isfinite(number):
-        raise ValueError(f"{where} needs {form} of finite numbers, got {word[:SHOWN]!r}")
+        raise ValueError(f"{where} needs {form} of finite numbers, got {word[:QUOTED]!r}")
     return number
 
 

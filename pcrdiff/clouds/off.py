@@ -10,7 +10,7 @@ from jaxtyping import Float64, Int64
 
 from pcrdiff.clouds.number_rows import (
     COUNT,
-    SHOWN,
+    QUOTED,
     Line,
     check_width,
     parse_rows,
@@ -102,7 +102,7 @@ def _read_header(lines: Sequence[Line], path: Path) -> tuple[int, int, int]:
     fused = first.removeprefix("OFF").split()
     counts = fused or (lines[1].text.split() if len(lines) > 1 else [])
     if len(counts) < 2 or not all(map(COUNT.fullmatch, counts)):
-        shown = " ".join(counts)[:SHOWN]
+        shown = " ".join(counts)[:QUOTED]
         raise ValueError(f"{path} needs counts of vertices, faces and edges, got {shown!r}")
     if int(counts[0]) == 0 or int(counts[1]) == 0:
         raise ValueError(
@@ -128,7 +128,7 @@ def _cut_into_triangles(line: Line, path: Path) -> list[tuple[int, int, int]]:
     if not all(map(INDEX.fullmatch, words)) or not 3 <= len(words) == int(count):
         raise ValueError(
             f"{path}, line {line.number}, needs faces `n i j k ...` of whole numbers with n > 2 "
-            f"corners, got {line.text.strip()[:SHOWN]!r}"
+            f"corners, got {line.text.strip()[:QUOTED]!r}"
         )
     corners = [int(word) for word in words]
     return [(corners[0], b, c) for b, c in pairwise(corners[1:])]

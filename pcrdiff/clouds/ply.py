@@ -11,7 +11,7 @@ from jaxtyping import Float64
 
 from pcrdiff.clouds.number_rows import (
     COUNT,
-    SHOWN,
+    QUOTED,
     check_width,
     read_rows,
     split_lines,
@@ -89,7 +89,7 @@ def _parse_header(lines: list[list[str]], size: int, path: Path) -> Header:
     starts = [index for index, words in enumerate(lines) if words[0] == "element"]
     vertex = lines[starts[0]] if starts else []
     if vertex[1:2] != ["vertex"] or len(vertex) != 3 or not COUNT.fullmatch(vertex[2]):
-        shown = " ".join(vertex)[:SHOWN]
+        shown = " ".join(vertex)[:QUOTED]
         raise ValueError(f"{path} needs `element vertex N` before other elements, got {shown!r}")
     rows = lines[starts[0] + 1 : starts[1] if len(starts) > 1 else None]
     properties = [words[1:] for words in rows if words[0] == "property"]

@@ -175,7 +175,7 @@ def _is_plausible(scan: Float64[np.ndarray, "points columns"]) -> bool:
     return _count_distinct(scan[:, :3]) >= LEAST_DISTINCT * len(scan)
 
 
-def read_pairs(root: Path, *, min_distance: float = 10.0) -> list[RecordedPair]:
+def read_recorded_pairs(root: Path, *, min_distance: float = 10.0) -> list[RecordedPair]:
     """Pair each scan with the next one the car took at least ``min_distance`` away.
 
     The published poses are of the left camera, so both scans go through ``Tr``, which carries the
@@ -200,7 +200,7 @@ def read_pairs(root: Path, *, min_distance: float = 10.0) -> list[RecordedPair]:
             scans.
     """
     if not min_distance > 0:
-        raise ValueError(f"read_pairs needs min_distance > 0, got {min_distance}")
+        raise ValueError(f"read_recorded_pairs needs min_distance > 0, got {min_distance}")
     folder = _find_dataset(root)
     sequences = [
         (sequence, [item.name for item in items])

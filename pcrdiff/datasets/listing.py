@@ -15,7 +15,7 @@ LITTER = re.compile(
 """What systems and editors leave beside the files of people."""
 
 
-SHOWN = 5
+NAMED = 5
 """Names that a sentence quotes before it only counts them."""
 
 
@@ -124,8 +124,8 @@ def check_names(paths: Sequence[Path], pattern: str, official: str) -> None:
     """
     wrong = [path for path in paths if not re.fullmatch(pattern, path.name)]
     if wrong:
-        quoted = ", ".join(repr(path.name) for path in wrong[:SHOWN])
-        more = f" and {len(wrong) - SHOWN} more" if len(wrong) > SHOWN else ""
+        quoted = ", ".join(repr(path.name) for path in wrong[:NAMED])
+        more = f" and {len(wrong) - NAMED} more" if len(wrong) > NAMED else ""
         raise ValueError(
             f"{wrong[0].parent} needs names like {official}, got {quoted}{more}: "
             "rename or remove what is no part of the data set"

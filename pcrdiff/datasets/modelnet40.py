@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 from jaxtyping import Float, Int64
 
-from pcrdiff.clouds.number_rows import SHOWN, read_lines, read_rows, split_lines, without_comments
+from pcrdiff.clouds.number_rows import QUOTED, read_lines, read_rows, split_lines, without_comments
 from pcrdiff.clouds.off import read_off
 from pcrdiff.clouds.surface import Cloud, Oriented, check_cloud, check_extent
 from pcrdiff.datasets.items import RawItem
@@ -32,8 +32,8 @@ SYMMETRIC = frozenset({"bottle", "bowl", "cone", "cup", "flower_pot", "lamp", "t
 LARGEST_RATIO = 1100
 """How many times an array may be larger than its HDF5 file: deflate reaches 1,032."""
 
-Split = Literal["train", "test"]
-SPLITS: tuple[Split, ...] = ("train", "test")
+OfficialSplit = Literal["train", "test"]
+SPLITS: tuple[OfficialSplit, ...] = ("train", "test")
 
 
 def read_items(root: Path) -> list[RawItem]:
@@ -131,7 +131,7 @@ def _list_category(category: Path) -> list[RawItem]:
         if place.name not in SPLITS:
             raise ValueError(f"{paths[0]} needs to lie in {category}/train or {category}/test")
         check_names(paths, rf"{category.name}_[0-9]{{4}}\.off", f"{category.name}_0001.off")
-        split: Split = "train" if place.name == "train" else "test"
+        split: OfficialSplit = "train" if place.name == "train" else "test"
         items += [
             RawItem(path.stem, category.name, split, partial(read_off, path), path)
             for path in paths
@@ -154,7 +154,7 @@ def _list_hdf5(folder: Path) -> list[RawItem]:
     return [item for split in SPLITS for item in _list_hdf5_split(folder, split, names)]
 
 
-def _list_hdf5_split(folder: Path, split: Split, names: list[str]) -> list[RawItem]:
+def _list_hdf5_split(folder: Path, split: OfficialSplit, names: list[str]) -> list[RawItem]:
     items = []
     lines = _read_lines(folder / f"{split}_files.txt")
     paths = [folder / Path(line).name for line in lines]  # official ones carry authors' folders
@@ -273,7 +273,7 @@ def _read_resampled(path: Path) -> Cloud | Oriented:
     if other is not None:
         raise ValueError(
             f"{path}, line {other.number}, needs {width} numbers as the first line has, "
-            f"got {other.text[:SHOWN]!r}"
+            f"got {other.text[:QUOTED]!r}"
         )
     points = read_rows(lines, range(width), path, "lines `x,y,z,nx,ny,nz`", ",")
     return _turn_upright(check_cloud(points, str(path)))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64
 
-from pcrdiff.clouds.number_rows import COUNT, SHOWN, Line, read_lines, read_number
+from pcrdiff.clouds.number_rows import COUNT, QUOTED, Line, read_lines, read_number
 from pcrdiff.clouds.ply import read_ply
 from pcrdiff.datasets.items import RawItem, RecordedPair, check_rigid
 from pcrdiff.datasets.listing import check_names, list_files, list_folders
@@ -55,7 +55,7 @@ def _list_fragments(scene: Path) -> list[Path]:
     return sorted(paths, key=lambda path: int(path.stem.removeprefix("cloud_bin_")))
 
 
-def read_pairs(root: Path) -> list[RecordedPair]:
+def read_recorded_pairs(root: Path) -> list[RecordedPair]:
     """Read the overlapping pairs and their measured poses from each ``<scene>-evaluation/gt.log``.
 
     A block ``i j`` holds the pose that carries fragment j into the frame of fragment i, so j is
@@ -95,7 +95,7 @@ def _read_log(root: Path, path: Path) -> list[RecordedPair]:
 
 def _read_block(block: Sequence[Line], scene: Path, path: Path) -> RecordedPair:
     head = block[0].text.split()
-    where = f"{path}, block {' '.join(head)[:SHOWN]!r},"
+    where = f"{path}, block {' '.join(head)[:QUOTED]!r},"
     if len(head) != 3 or not all(map(COUNT.fullmatch, head)):
         raise ValueError(f"{where} line {block[0].number}, needs `i j n` of whole numbers")
     target, source, _ = map(int, head)

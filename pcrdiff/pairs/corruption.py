@@ -6,13 +6,13 @@ from jaxtyping import Float64
 
 from pcrdiff.geometry.rigid import transform
 
-Cloud = Float64[np.ndarray, "points channels"]
+SampledCloud = Float64[np.ndarray, "points channels"]
 """Points in three channels; where the data set gives unit normals, these in three more."""
 
 
 def jitter(
-    points: Cloud, deviation: float, clip: float, *, generator: np.random.Generator
-) -> Cloud:
+    points: SampledCloud, deviation: float, clip: float, *, generator: np.random.Generator
+) -> SampledCloud:
     """Add normal noise to every coordinate, clipped at ``clip``; lengths in the cloud's unit.
 
     Normals stay as they are: given ones are those of the clean surface.
@@ -24,7 +24,7 @@ def jitter(
 
 
 def crop(
-    points: Cloud, keep: float, *, generator: np.random.Generator
+    points: SampledCloud, keep: float, *, generator: np.random.Generator
 ) -> Float64[np.ndarray, "kept channels"]:
     """Keep the share ``keep`` of the points that lies furthest along a random direction.
 
@@ -44,12 +44,12 @@ def crop(
     return points[kept]
 
 
-def shuffle(points: Cloud, *, generator: np.random.Generator) -> Cloud:
+def shuffle(points: SampledCloud, *, generator: np.random.Generator) -> SampledCloud:
     """The same points in a random order."""
     return points.take(generator.permutation(len(points)), axis=0)
 
 
-def unit_sphere(points: Cloud) -> tuple[Float64[np.ndarray, "3"], float]:
+def unit_sphere(points: SampledCloud) -> tuple[Float64[np.ndarray, "3"], float]:
     """Centre (the mean) and scale (the largest distance from it) of a cloud.
 
     Raises:
@@ -63,14 +63,14 @@ def unit_sphere(points: Cloud) -> tuple[Float64[np.ndarray, "3"], float]:
     return centre, scale
 
 
-def rescale(points: Cloud, centre: Float64[np.ndarray, "3"], scale: float) -> Cloud:
+def rescale(points: SampledCloud, centre: Float64[np.ndarray, "3"], scale: float) -> SampledCloud:
     """Make ``centre`` the origin and ``scale`` the unit of length."""
     return np.hstack([(points[:, :3] - centre) / scale, points[:, 3:]])
 
 
-def move(points: Cloud, T_target_source: Float64[np.ndarray, "4 4"]) -> Cloud:
+def move(points: SampledCloud, T_target_source: Float64[np.ndarray, "4 4"]) -> SampledCloud:
     """Carry points into the target frame (Eq. 3: Q = G P); normals are turned alone."""
     pose, rotation = torch.from_numpy(T_target_source), T_target_source[:3, :3]
-    moved: Cloud = transform(pose, torch.from_numpy(points[:, :3])).numpy()
+    moved: SampledCloud = transform(pose, torch.from_numpy(points[:, :3])).numpy()
     has_normals = points.shape[1] == 6
     return np.hstack([moved, points[:, 3:] @ rotation.T]) if has_normals else moved

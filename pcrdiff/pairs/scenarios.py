@@ -14,7 +14,7 @@ from pcrdiff.datasets.items import RawItem
 from pcrdiff.geometry.random_pose import draw_pose
 from pcrdiff.geometry.span import spans_plane
 from pcrdiff.loops import Progress, Spread, in_turn, silent
-from pcrdiff.pairs.corruption import Cloud, crop, jitter, move, rescale, shuffle, unit_sphere
+from pcrdiff.pairs.corruption import SampledCloud, crop, jitter, move, rescale, shuffle, unit_sphere
 from pcrdiff.registration import SPLITS, Normals, Pairs
 
 Shown = Sequence[int] | Mapping[int, int]
@@ -129,7 +129,7 @@ def make_pair(
     corruption: Corruption,
     *,
     generator: np.random.Generator,
-) -> tuple[Cloud, Cloud, Float64[np.ndarray, "4 4"]]:
+) -> tuple[SampledCloud, SampledCloud, Float64[np.ndarray, "4 4"]]:
     """Source, target and the T_target_source that carries the one into the other's frame.
 
     The source stays in the item's own frame, scaled to the unit sphere; the target is moved
@@ -160,7 +160,7 @@ def make_pair(
     return source, shuffle(target, generator=generator), pose
 
 
-def _check_extent(points: Cloud) -> None:
+def _check_extent(points: SampledCloud) -> None:
     """Refuse a cloud that could be turned unseen: no pose is to be read from it."""
     if not spans_plane(points[:, :3]):
         distinct = len(np.unique(points[:, :3], axis=0))
@@ -259,7 +259,7 @@ def _make_block(
 
 def _make_numbered(
     k: int, item: RawItem, corruption: Corruption, seed: Sequence[int]
-) -> tuple[Cloud, Cloud, Float64[np.ndarray, "4 4"]]:
+) -> tuple[SampledCloud, SampledCloud, Float64[np.ndarray, "4 4"]]:
     """Pair k; what is wrong with its item is said by name."""
     try:
         generator = np.random.default_rng([*seed, k])

@@ -92,7 +92,7 @@ def check_open3d(_root: Path) -> Iterator[Finding]:
     yield Finding("ok", f"open3d {open3d.__version__}")
 
 
-def check_params(root: Path) -> Iterator[Finding]:
+def check_params_file(root: Path) -> Iterator[Finding]:
     """params.yaml is what the stages will accept."""
     from pipeline.settings.params import read_params
 
@@ -228,7 +228,7 @@ CHECKS: tuple[Check, ...] = (
     check_packages,
     check_lock,
     check_open3d,
-    check_params,
+    check_params_file,
     check_code_in_git,
     check_shell,
     check_others,

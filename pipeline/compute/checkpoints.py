@@ -26,7 +26,7 @@ SECONDS_BETWEEN = 20.0
 RECORD = "record"  # the only metadata key: with two or more, the bytes of a file would vary
 
 
-class Checkpoint:
+class DiskCheckpoint:
     """The state of one training on disk; two generations, so that one is always whole."""
 
     def __init__(self, folder: Path) -> None:
@@ -98,7 +98,7 @@ class NoCheckpoint:
 @contextmanager
 def open_checkpoint(
     params: Mapping[str, object], deps: Sequence[Path], *, root: Path | None = None
-) -> Iterator[Checkpoint]:
+) -> Iterator[DiskCheckpoint]:
     """Keep the checkpoint of the training that these params and inputs define.
 
     Args:
@@ -126,7 +126,7 @@ def open_checkpoint(
     try:
         folder.mkdir(parents=True, exist_ok=True)  # the holder before may have just removed it
         (folder / OWNER).write_text(str(os.getpid()), encoding="ascii")
-        yield Checkpoint(folder)
+        yield DiskCheckpoint(folder)
         shutil.rmtree(folder)
         Path(lock.lock_file).unlink(missing_ok=True)
     finally:

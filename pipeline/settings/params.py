@@ -52,7 +52,7 @@ class Compute(Section):
     """Address of a ``dask scheduler`` whose workers do it instead."""
 
 
-class Archive(Section):
+class ArchiveParams(Section):
     """A public archive; without a sha256 it is fetched and refused with the digest it has."""
 
     url: str
@@ -73,7 +73,7 @@ class Acquire(Section):
     family: Literal["modelnet40", "3dmatch", "kitti"]
     source: Literal["synthetic", "local", "download"]
     root: str | None
-    archives: list[Archive]
+    archives: list[ArchiveParams]
     synthetic: dict[str, Count] | None
     """The ``SIZES`` of the synthetic data set."""
 
@@ -90,7 +90,7 @@ class Acquire(Section):
         return self
 
 
-class Split(Section):
+class SplitParams(Section):
     """Which items train, which choose the weights, which are tested on."""
 
     by: Literal["official", "group", "item"]
@@ -113,7 +113,7 @@ class Scenario(Section):
     """How pairs are made of a data set. Angles in degrees, lengths in the unit sphere's."""
 
     dataset: str
-    split: Split
+    split: SplitParams
     pairs: PairCounts
     num_points: Count
     sampling: Literal["copies", "independent"]

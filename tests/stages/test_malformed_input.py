@@ -244,7 +244,7 @@ def write_log(folder: Path, text: str) -> Path:
 
 
 def test_a_whole_log_is_read(tmp_path: Path) -> None:
-    (pair,) = threedmatch.read_pairs(write_log(tmp_path, BLOCK))
+    (pair,) = threedmatch.read_recorded_pairs(write_log(tmp_path, BLOCK))
     assert (pair.source, pair.target) == ("room/cloud_bin_1", "room/cloud_bin_0")
 
 
@@ -262,7 +262,7 @@ def test_a_whole_log_is_read(tmp_path: Path) -> None:
 )
 def test_a_spoilt_log(tmp_path: Path, text: str, expected: str) -> None:
     with pytest.raises((ValueError, FileNotFoundError), match=r"gt\.log") as refused:
-        threedmatch.read_pairs(write_log(tmp_path, text))
+        threedmatch.read_recorded_pairs(write_log(tmp_path, text))
     assert expected in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -278,7 +278,7 @@ def write_drive(folder: Path) -> Path:
 
 
 def test_a_whole_drive_is_read(tmp_path: Path) -> None:
-    pairs = kitti.read_pairs(write_drive(tmp_path / "kitti"))
+    pairs = kitti.read_recorded_pairs(write_drive(tmp_path / "kitti"))
     assert [(p.source, p.target) for p in pairs] == [
         ("00/000000", "00/000001"),
         ("00/000001", "00/000002"),
@@ -305,7 +305,7 @@ def test_a_spoilt_drive(
     else:
         path.write_text(change(path.read_text()))
     with pytest.raises((ValueError, FileNotFoundError), match=path.name) as refused:
-        kitti.read_pairs(tmp_path / "kitti")
+        kitti.read_recorded_pairs(tmp_path / "kitti")
     assert expected in str(refused.value)
     assert "\n" not in str(refused.value)
 

@@ -17,7 +17,7 @@ from stages.time import (
     Cost,
     mean_seconds,
     time_all,
-    time_pairs,
+    time_registrations,
     write_costs,
 )
 from tests.described import REPOSITORY
@@ -47,7 +47,7 @@ class Slow:
 
 def test_every_pair_is_timed_after_the_warm_up_even_where_the_method_fails() -> None:
     method, pairs = Slow(), made_up_pairs(3, 20, generator=seeded(0))
-    costs = time_pairs(method, pairs, warm_up=2, before=resident("VmRSS"))
+    costs = time_registrations(method, pairs, warm_up=2, before=resident("VmRSS"))
     assert method.calls == 5
     assert len(costs) == 3
     assert all(0.02 <= cost.seconds < 1 for cost in costs)
@@ -57,11 +57,11 @@ IN_A_FRESH_PROCESS = """
 from tests.stages.test_time_pairs import Slow
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from pipeline.compute.machine import resident
-from stages.time import time_pairs
+from stages.time import time_registrations
 pairs = made_up_pairs(2, 20, generator=seeded(0))
 before = resident("VmRSS")
 for mebibytes in (64, 1):  # the second setting has what the first allocated
-    costs = time_pairs(Slow(mebibytes), pairs, warm_up=1, before=before)
+    costs = time_registrations(Slow(mebibytes), pairs, warm_up=1, before=before)
     print(*(cost.peak_memory_mib for cost in costs))
 """
 

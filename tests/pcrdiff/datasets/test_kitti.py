@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from pcrdiff.datasets.kitti import read_items, read_pairs, read_scan
+from pcrdiff.datasets.kitti import read_items, read_recorded_pairs, read_scan
 from tests.pcrdiff.clouds.no_numbers import NO_NUMBERS
 
 T_CAMERA_LIDAR = np.array([[0, -1.0, 0, 0.1], [0, 0, -1, 0.2], [1, 0, 0, -0.3], [0, 0, 0, 1]])
@@ -64,7 +64,7 @@ def test_reads_scans_in_order_without_reflectance(tmp_path: Path) -> None:
 def test_finds_the_official_folder_dataset(tmp_path: Path) -> None:
     write_sequence(tmp_path / "dataset")
     assert len(read_items(tmp_path)) == len(read_items(tmp_path / "dataset")) == 5
-    assert len(read_pairs(tmp_path)) == 2
+    assert len(read_recorded_pairs(tmp_path)) == 2
 
 
 def test_items_need_no_calibration_and_no_poses(tmp_path: Path) -> None:
@@ -76,24 +76,24 @@ def test_items_need_no_calibration_and_no_poses(tmp_path: Path) -> None:
 
 def test_pairs_each_scan_with_the_next_one_far_enough(tmp_path: Path) -> None:
     write_sequence(tmp_path)
-    assert [(pair.source, pair.target) for pair in read_pairs(tmp_path)] == [
+    assert [(pair.source, pair.target) for pair in read_recorded_pairs(tmp_path)] == [
         ("00/000000", "00/000003"),
         ("00/000001", "00/000004"),
     ]
-    near = read_pairs(tmp_path, min_distance=3.0)
+    near = read_recorded_pairs(tmp_path, min_distance=3.0)
     assert [pair.target for pair in near] == [f"00/{number:06d}" for number in (1, 2, 3, 4)]
 
 
 def test_makes_no_pair_across_a_gap(tmp_path: Path) -> None:
     write_sequence(tmp_path, numbers=(0, 1, 9, 12))
-    assert [(pair.source, pair.target) for pair in read_pairs(tmp_path)] == [
+    assert [(pair.source, pair.target) for pair in read_recorded_pairs(tmp_path)] == [
         ("00/000009", "00/000012")
     ]
 
 
 def test_poses_carry_the_source_lidar_into_the_target_lidar(tmp_path: Path) -> None:
     write_sequence(tmp_path)
-    pair = read_pairs(tmp_path)[1]
+    pair = read_recorded_pairs(tmp_path)[1]
     expected = np.linalg.inv(make_lidar_pose(4)) @ make_lidar_pose(1)
     np.testing.assert_allclose(pair.T_target_source, expected, atol=1e-5)
     assert pair.T_target_source[0, 3] < -10  # the car drove ahead: what was here lies behind
@@ -101,10 +101,10 @@ def test_poses_carry_the_source_lidar_into_the_target_lidar(tmp_path: Path) -> N
 
 def test_reads_the_other_name_of_the_calibration(tmp_path: Path) -> None:
     write_sequence(tmp_path)
-    expected = read_pairs(tmp_path)
+    expected = read_recorded_pairs(tmp_path)
     path = tmp_path / "sequences" / "00" / "calib.txt"
     path.write_text(path.read_text().replace("Tr:", "Tr_velo_to_cam:"))
-    for pair, same in zip(read_pairs(tmp_path), expected, strict=True):
+    for pair, same in zip(read_recorded_pairs(tmp_path), expected, strict=True):
         np.testing.assert_array_equal(pair.T_target_source, same.T_target_source)
 
 
@@ -112,7 +112,7 @@ def test_skips_a_sequence_whose_poses_are_not_published(tmp_path: Path) -> None:
     write_sequence(tmp_path, "00")
     write_sequence(tmp_path, "11")
     (tmp_path / "poses" / "11.txt").unlink()
-    assert {pair.group for pair in read_pairs(tmp_path)} == {"00"}
+    assert {pair.group for pair in read_recorded_pairs(tmp_path)} == {"00"}
 
 
 def test_refuses_a_folder_without_scans(tmp_path: Path) -> None:
@@ -205,21 +205,21 @@ def test_refuses_to_pair_without_calibration_or_poses(tmp_path: Path) -> None:
     calib = tmp_path / "sequences" / "00" / "calib.txt"
     calib.write_text(f"P0: {format_pose(np.eye(4))}\n")
     with pytest.raises(ValueError, match=r"calib\.txt needs a line `Tr:`"):
-        read_pairs(tmp_path)
+        read_recorded_pairs(tmp_path)
     calib.unlink()
     with pytest.raises(FileNotFoundError, match=r"calib\.txt"):
-        read_pairs(tmp_path)
+        read_recorded_pairs(tmp_path)
     write_sequence(tmp_path)
     (tmp_path / "poses" / "00.txt").unlink()
     with pytest.raises(FileNotFoundError, match=r"poses/00\.txt"):
-        read_pairs(tmp_path)
+        read_recorded_pairs(tmp_path)
 
 
 def test_refuses_to_pair_when_no_sequence_has_poses(tmp_path: Path) -> None:
     write_sequence(tmp_path, "11")
     (tmp_path / "poses" / "11.txt").unlink()
     with pytest.raises(FileNotFoundError, match="none of its sequences"):
-        read_pairs(tmp_path)
+        read_recorded_pairs(tmp_path)
 
 
 def test_refuses_too_few_poses_and_broken_ones(tmp_path: Path) -> None:
@@ -228,13 +228,13 @@ def test_refuses_too_few_poses_and_broken_ones(tmp_path: Path) -> None:
     lines = path.read_text().splitlines(keepends=True)
     path.write_text("".join(lines[:4]))
     with pytest.raises(ValueError, match=r"00\.txt needs a pose for scan 000004.* only 4 poses"):
-        read_pairs(tmp_path)
+        read_recorded_pairs(tmp_path)
     path.write_text("".join([*lines[:4], "1 2 3\n"]))
     with pytest.raises(ValueError, match=r"00\.txt, line 5, needs 12 numbers, got 3"):
-        read_pairs(tmp_path)
+        read_recorded_pairs(tmp_path)
     path.write_text("".join([*lines[:4], format_pose(2 * np.eye(4)) + "\n"]))
     with pytest.raises(ValueError, match=r"00\.txt, line 5, needs a rigid pose"):
-        read_pairs(tmp_path)
+        read_recorded_pairs(tmp_path)
 
 
 @pytest.mark.parametrize("word", NO_NUMBERS)
@@ -253,7 +253,7 @@ def test_refuses_a_pose_with_what_is_no_finite_number(
     lines[line] = lines[line].rpartition(" ")[0] + f" {word}"
     (tmp_path / name).write_text("\n".join(lines))
     with pytest.raises(ValueError, match=rf"{where} needs a pose of finite numbers") as refused:
-        read_pairs(tmp_path)
+        read_recorded_pairs(tmp_path)
     assert repr(word) in str(refused.value)
 
 
@@ -263,7 +263,7 @@ def test_a_broken_pose_is_named_by_its_line_though_blank_ones_stand_before(tmp_p
     lines = path.read_text().splitlines()
     path.write_text("\n".join(["", "", *lines[:4], "1 2 3"]))
     with pytest.raises(ValueError, match=r"00\.txt, line 7, needs 12 numbers"):
-        read_pairs(tmp_path)
+        read_recorded_pairs(tmp_path)
 
 
 @pytest.mark.parametrize("name", ["poses/00.txt", "sequences/00/calib.txt"])
@@ -273,12 +273,12 @@ def test_names_a_text_that_is_not_in_utf8(tmp_path: Path, name: str) -> None:
     path.write_bytes(b"# caf\xe9\n" + path.read_bytes())
     where = rf"{path.name}, line 1, .*UTF-8.*0xe9.*Latin-1"
     with pytest.raises(ValueError, match=where):
-        read_pairs(tmp_path)
+        read_recorded_pairs(tmp_path)
 
 
 def test_refuses_a_distance_that_is_none(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="min_distance > 0"):
-        read_pairs(tmp_path, min_distance=0.0)
+        read_recorded_pairs(tmp_path, min_distance=0.0)
 
 
 @pytest.mark.real
@@ -296,7 +296,7 @@ def keep_upright_things(cloud: np.ndarray) -> np.ndarray:
 
 @pytest.mark.real
 def test_the_recorded_poses_lay_real_scans_onto_each_other(real_data: Path) -> None:
-    items, pairs = read_items(real_data / "kitti"), read_pairs(real_data / "kitti")
+    items, pairs = read_items(real_data / "kitti"), read_recorded_pairs(real_data / "kitti")
     assert (len(items), len(pairs)) == (16, 4)
     clouds = {item.name: keep_upright_things(np.asarray(item.read())) for item in items}
     for pair in pairs:

@@ -93,7 +93,7 @@ def test_refuses_to_choose_between_layouts_in_one_folder(tmp_path: Path) -> None
 def test_refuses_to_choose_between_the_two_places_of_sequences(tmp_path: Path) -> None:
     touch(tmp_path, *GOOD["kitti"])
     touch(tmp_path / "dataset", *GOOD["kitti"])
-    for read in (kitti.read_items, kitti.read_pairs):
+    for read in (kitti.read_items, kitti.read_recorded_pairs):
         with pytest.raises(ValueError, match="holds 2: ") as refusal:
             read(tmp_path)
         assert f"in {tmp_path}/sequences; " in str(refusal.value)
@@ -158,7 +158,7 @@ def test_an_evaluation_folder_that_cannot_be_found_stops_the_reader_of_pairs(
     touch(tmp_path, *GOOD["3dmatch"], "kitchen-evaluation/gt.log")
     shut(tmp_path, errno.EACCES)
     with pytest.raises(PermissionError, match=f"{tmp_path} cannot be listed: "):
-        threedmatch.read_pairs(tmp_path)
+        threedmatch.read_recorded_pairs(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -215,7 +215,7 @@ def test_refuses_a_file_whose_name_is_not_the_data_sets_and_quotes_it(
 @pytest.mark.parametrize("name", ["0a", "0", "000", "00 (1)", "\u0660\u0661", "00_old"])
 def test_refuses_a_sequence_whose_name_is_not_two_digits(tmp_path: Path, name: str) -> None:
     touch(tmp_path, *GOOD["kitti"], f"sequences/{name}/velodyne/000000.bin")
-    for read in (kitti.read_items, kitti.read_pairs):
+    for read in (kitti.read_items, kitti.read_recorded_pairs):
         with pytest.raises(ValueError, match="sequences needs names like 00, got ") as refusal:
             read(tmp_path)
         assert repr(name) in str(refusal.value)
@@ -243,7 +243,7 @@ def test_refuses_a_copy_of_a_category_and_of_an_evaluation_folder(tmp_path: Path
         modelnet40.read_items(tmp_path / "meshes")
     touch(tmp_path / "rooms", *GOOD["3dmatch"], "study-evaluation (1)/gt.log")
     with pytest.raises(ValueError, match=r"<scene>-evaluation, got 'study-evaluation \(1\)'"):
-        threedmatch.read_pairs(tmp_path / "rooms")
+        threedmatch.read_recorded_pairs(tmp_path / "rooms")
 
 
 def test_refuses_names_in_a_list_that_are_not_official(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from pcrdiff.datasets.threedmatch import read_items, read_pairs
+from pcrdiff.datasets.threedmatch import read_items, read_recorded_pairs
 from tests.pcrdiff.clouds.no_numbers import NO_NUMBERS
 
 SCENE = "7-scenes-redkitchen"
@@ -75,7 +75,7 @@ def test_reads_points_in_float64(scenes: Path) -> None:
 
 
 def test_reads_a_block_i_j_as_the_pose_from_j_to_i(scenes: Path) -> None:
-    first, second = read_pairs(scenes)
+    first, second = read_recorded_pairs(scenes)
     assert (first.source, first.target) == (f"{SCENE}/cloud_bin_1", f"{SCENE}/cloud_bin_0")
     assert (second.source, second.target) == (f"{SCENE}/cloud_bin_10", f"{SCENE}/cloud_bin_1")
     assert first.group == SCENE
@@ -88,10 +88,10 @@ def test_refuses_a_folder_without_fragments_or_logs(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="holds no fragment"):
         read_items(tmp_path)
     with pytest.raises(FileNotFoundError, match="holds none"):
-        read_pairs(tmp_path)
+        read_recorded_pairs(tmp_path)
     (tmp_path / f"{SCENE}-evaluation").mkdir()
     with pytest.raises(FileNotFoundError, match=r"gt\.log, which is missing"):
-        read_pairs(tmp_path)
+        read_recorded_pairs(tmp_path)
 
 
 def test_refuses_a_cut_fragment_when_it_is_read(scenes: Path) -> None:
@@ -106,25 +106,25 @@ def test_refuses_a_log_cut_anywhere_but_between_blocks(scenes: Path) -> None:
     for kept in (*range(5), *range(6, 10)):
         path.write_text("".join(lines[:kept]))
         with pytest.raises(ValueError, match=r"gt\.log needs blocks of 5 lines"):
-            read_pairs(scenes)
+            read_recorded_pairs(scenes)
     path.write_text("".join(lines[:8]) + "0.5 0.5\n" + lines[9])
     with pytest.raises(ValueError, match=r"gt\.log, block '1 10 11', line 9, needs 4 numbers"):
-        read_pairs(scenes)
+        read_recorded_pairs(scenes)
 
 
 def test_refuses_a_header_that_is_none_and_a_fragment_without_a_file(scenes: Path) -> None:
     write_log(scenes, ("0 one 11", make_pose(1)))
     with pytest.raises(ValueError, match="block '0 one 11', line 1, needs `i j n`"):
-        read_pairs(scenes)
+        read_recorded_pairs(scenes)
     write_log(scenes, ("0 7 11", make_pose(1)))
     with pytest.raises(FileNotFoundError, match=r"fragment 7, but .*cloud_bin_7\.ply is missing"):
-        read_pairs(scenes)
+        read_recorded_pairs(scenes)
 
 
 def test_refuses_a_pose_that_is_not_rigid(scenes: Path) -> None:
     write_log(scenes, ("0 1 11", make_pose(1) @ np.diag([1.1, 1.1, 1.1, 1])))
     with pytest.raises(ValueError, match="block '0 1 11', needs a rigid pose"):
-        read_pairs(scenes)
+        read_recorded_pairs(scenes)
 
 
 @pytest.mark.parametrize("word", NO_NUMBERS)
@@ -134,7 +134,7 @@ def test_refuses_a_pose_with_what_is_no_finite_number(scenes: Path, word: str) -
     row = [*lines[7].split()[:3], word]
     path.write_text("\n".join([*lines[:7], "\t".join(row), *lines[8:]]))
     with pytest.raises(ValueError, match=r"gt\.log, block '1 10 11', line 8, .*finite") as refused:
-        read_pairs(scenes)
+        read_recorded_pairs(scenes)
     assert repr(word) in str(refused.value)
 
 
@@ -142,15 +142,15 @@ def test_refuses_a_log_in_latin1_and_a_number_of_thousands_of_digits(scenes: Pat
     path = write_log(scenes, ("0 1 11 \xe9", make_pose(1)))
     path.write_bytes(path.read_text().encode("latin-1"))
     with pytest.raises(ValueError, match=r"gt\.log, line 1, .*UTF-8.*0xe9.*Latin-1"):
-        read_pairs(scenes)
+        read_recorded_pairs(scenes)
     write_log(scenes, (f"0 {'1' * 5000} 11", make_pose(1)))
     with pytest.raises(ValueError, match=r"gt\.log, block .* line 1, needs `i j n`"):
-        read_pairs(scenes)
+        read_recorded_pairs(scenes)
 
 
 @pytest.mark.real
 def test_reads_every_real_fragment_and_pair(real_data: Path) -> None:
-    items, pairs = read_items(real_data / "3dmatch"), read_pairs(real_data / "3dmatch")
+    items, pairs = read_items(real_data / "3dmatch"), read_recorded_pairs(real_data / "3dmatch")
     assert (len(items), len(pairs)) == (235, 1096)
     assert len({item.group for item in items}) == 4
     assert {pair.source for pair in pairs} | {pair.target for pair in pairs} <= {
@@ -176,7 +176,7 @@ def test_the_recorded_poses_lay_real_fragments_onto_each_other(real_data: Path) 
     }
     trees = {name: KDTree(cloud) for name, cloud in clouds.items()}
     right, inverted, unmoved = [], [], []
-    for pair in read_pairs(real_data / "3dmatch"):
+    for pair in read_recorded_pairs(real_data / "3dmatch"):
         source, target = clouds[pair.source][::5], trees[pair.target]
         right.append(measure_overlap(source, target, pair.T_target_source))
         inverted.append(measure_overlap(source, target, np.linalg.inv(pair.T_target_source)))

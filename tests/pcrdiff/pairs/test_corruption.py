@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pcrdiff.geometry.random_pose import draw_pose
-from pcrdiff.pairs.corruption import Cloud, crop, jitter, move, rescale, shuffle, unit_sphere
+from pcrdiff.pairs.corruption import SampledCloud, crop, jitter, move, rescale, shuffle, unit_sphere
 
 
-def cloud(n: int = 50, seed: int = 0) -> Cloud:
+def cloud(n: int = 50, seed: int = 0) -> SampledCloud:
     return np.random.default_rng(seed).normal(size=(n, 3))
 
 
-def as_set(points: Cloud) -> set[tuple[float, ...]]:
+def as_set(points: SampledCloud) -> set[tuple[float, ...]]:
     return {tuple(point) for point in points.tolist()}
 
 
@@ -117,7 +117,7 @@ def test_moving_carries_points_as_worked_by_hand() -> None:
 # Normals that the data set gives.
 
 
-def sphere(n: int = 50) -> Cloud:
+def sphere(n: int = 50) -> SampledCloud:
     """Points on a ball about (1, 2, 3), and their normals, which point away from it."""
     normals = cloud(n) / np.linalg.norm(cloud(n), axis=1, keepdims=True)
     return np.hstack([[1.0, 2.0, 3.0] + 4 * normals, normals])
@@ -127,7 +127,7 @@ def test_nothing_that_is_done_to_points_depends_on_normals() -> None:
     oriented = sphere()
     points = np.ascontiguousarray(oriented[:, :3])
 
-    def outcomes(points: Cloud) -> list[np.ndarray]:
+    def outcomes(points: SampledCloud) -> list[np.ndarray]:
         g = np.random.default_rng(6)
         pose = draw_pose(1.0, 1.0, generator=g)
         return [

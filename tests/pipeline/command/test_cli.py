@@ -438,7 +438,7 @@ def test_every_check_of_doctor_says_something(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     named = {check.__name__ for check in CHECKS}
-    assert {"check_open3d", "check_mlflow", "check_params", "check_disk"} <= named
+    assert {"check_open3d", "check_mlflow", "check_params_file", "check_disk"} <= named
     slow = {"check_open3d", "check_mlflow"}
     quick = tuple(check for check in CHECKS if check.__name__ not in slow)
     monkeypatch.setattr("pipeline.command.doctor.CHECKS", quick)

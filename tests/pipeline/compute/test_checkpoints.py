@@ -13,7 +13,7 @@ import torch
 from pipeline.compute.checkpoints import (
     LATEST,
     PREVIOUS,
-    Checkpoint,
+    DiskCheckpoint,
     checkpoints_folder,
     fingerprint,
     open_checkpoint,
@@ -37,7 +37,7 @@ def state(epoch: int) -> tuple[dict[str, torch.Tensor], dict[str, object]]:
     return tensors, {"epoch": epoch, "best": 0.1 + 0.2, "rows": [{"loss": 1e-17}]}
 
 
-def assert_state(checkpoint: Checkpoint, epoch: int) -> None:
+def assert_state(checkpoint: DiskCheckpoint, epoch: int) -> None:
     loaded = checkpoint.load()
     assert loaded is not None
     tensors, record = state(epoch)
