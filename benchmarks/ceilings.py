@@ -160,6 +160,6 @@ def without_graph(network: nn.Module, inputs: torch.Tensor) -> None:
 
 
 def linear_flop(network: nn.Module, rows: int) -> float:
-    """Of all linear layers on so many rows: a product and a sum for each weight."""
+    """The FLOP of all linear layers on ``rows`` rows: a product and a sum per weight."""
     layers: Sequence[nn.Linear] = [m for m in network.modules() if isinstance(m, nn.Linear)]
     return 2.0 * rows * sum(layer.weight.numel() for layer in layers)

@@ -8,17 +8,17 @@ class Effort:
     """The sizes of one run."""
 
     repeats: int
-    """Of a training step, a loop, a ceiling."""
+    """Repetitions of a training step, a loop, a ceiling."""
     rounds: int
     """In which every method registers its pairs once."""
     pairs: int
     """To register: at batch 1, and all of them at once."""
     points: int
-    """Of a cloud that is registered."""
+    """Points of a cloud that is registered."""
     subset: int
     """Points that CF is given in its extra row."""
     seconds: float
-    """That a method may take for its pairs by themselves in a round; a slow one gets fewer."""
+    """Seconds that a method may take per round for single pairs; a slow one gets fewer pairs."""
     least: int
     """Pairs of the slowest method in a round."""
     cf_step: tuple[int, int]

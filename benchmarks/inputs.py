@@ -17,7 +17,7 @@ PROJECT = Path()
 
 
 def make_pairs(params: Params, points: int, count: int) -> dict[str, Pairs]:
-    """At most ``count`` pairs of each split, of so many points, from the raw data set.
+    """At most ``count`` pairs of each split, with ``points`` points each, from the raw data set.
 
     Raises:
         FileNotFoundError: The raw data set is not there.

@@ -27,11 +27,11 @@ class MemoryRow:
     """One registration, the first and last thing that its process did."""
 
     points: int
-    """Of the source, and as many of the target."""
+    """Points of the source, and as many of the target."""
     peak_mib: float
     """Resident memory of the process at its highest, with all its libraries."""
     seconds: float
-    """Of the registration."""
+    """Seconds that the registration took."""
 
 
 def measure_memory(

@@ -210,7 +210,7 @@ def plain_angle(
 def plain_normals(
     points: Float[Tensor, "batch n 3"], patches: Float[Tensor, "batch n k 3"]
 ) -> Float[Tensor, "batch n 3"]:
-    """Of the plane through each patch, away from the centroid."""
+    """The normal of the plane through each patch, away from the centroid."""
     spread = patches - patches.mean(dim=2, keepdim=True)
     normals = torch.linalg.eigh(spread.mT @ spread).eigenvectors[..., 0]
     outward = points - points.mean(dim=1, keepdim=True)

@@ -53,8 +53,8 @@ def trained_error(params: Params, splits: Mapping[str, Pairs], seed: int) -> tup
     """Steps, and the mean rotation error in degrees on the test pairs, of one training of CF."""
     torch.manual_seed(seed)
     network = build_untrained(METHOD, params.methods, params.diffusion)
-    told = params.train.pcrdiffusion_cf.model_dump()
-    budget = Budget(params.epochs(SCENARIO, METHOD), **told)
+    optimisation = params.train.pcrdiffusion_cf.model_dump()
+    budget = Budget(params.epochs(SCENARIO, METHOD), **optimisation)
     made = params.scenarios[SCENARIO]
     fresh = FreshPoses(made.max_rotation, made.max_translation)
     trainer = Trainer(network, splits["train"], splits["val"], budget, fresh, seed=seed)

@@ -28,7 +28,7 @@ from pipeline.settings.params import Compute
 NUM_POINTS, WORKERS = 2048, 2
 REAL_TIMES = 12  # there are few real ones at hand
 MEAN_SIZE = 400_000
-"""Bytes that a made-up file has at least; cut into four, the mean is twice that, as of real ones."""
+"""Least size of a synthetic file in bytes; cut into four, the mean is twice that, as with real ones."""
 NOISY = Corruption(NUM_POINTS, "copies", pi / 4, 1.0, 0.01, 0.05, 1.0, "estimated")
 """The scenario ``modelnet40-gaussian_noise``."""
 NUMBER_OF_ITEMS = (400, 1600)
@@ -36,9 +36,9 @@ NUMBER_OF_ITEMS = (400, 1600)
 
 
 def measure_preprocessing(repeats: int) -> list[Comparison]:
-    """Items a second of both on made-up meshes, and on real ones where there are any; memory.
+    """Items per second of both on synthetic meshes, and on real ones where there are any; memory.
 
-    The embedded meshes are small. The first row is of the same shapes with as many triangles as
+    The synthetic meshes are small. The first row is of the same shapes with as many triangles as
     make a file of ModelNet40's mean size.
     """
     with TemporaryDirectory() as name:
@@ -74,9 +74,9 @@ def refine(path: Path, finer: Path) -> None:
 
 def real_meshes() -> Path:
     """Where real meshes of ModelNet40 would lie."""
-    told = os.environ.get("PCRDIFF_REAL_DATA")
+    named = os.environ.get("PCRDIFF_REAL_DATA")
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
-    return (Path(told) if told else beside) / "modelnet40_off"
+    return (Path(named) if named else beside) / "modelnet40_off"
 
 
 def ours(items: Sequence[RawItem], out: Path) -> None:

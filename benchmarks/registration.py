@@ -34,7 +34,7 @@ class Contender:
     share: int = 0
     """How many pairs it registers in a round."""
     ms: dict[int, list[float]] = field(default_factory=dict)
-    """Of each pair by itself, once a round that it is in."""
+    """Seconds of each pair on its own, once per round that it is in."""
     rates: list[float] = field(default_factory=list)
     """Pairs a second in bulk, by round."""
     answers: dict[int, Tensor | None] = field(default_factory=dict)
@@ -42,12 +42,12 @@ class Contender:
 
     @property
     def points(self) -> int:
-        """Of each cloud."""
+        """Points of each cloud."""
         return self.test.source.shape[1]
 
     @property
     def pair_ms(self) -> dict[int, float]:
-        """Of each pair by itself, median over its rounds."""
+        """Seconds of each pair on its own, median over its rounds."""
         return {k: summarise(each).median for k, each in self.ms.items()}
 
     @property
@@ -67,7 +67,7 @@ class Contender:
         self.share = min(len(self.test), max(effort.least, fit))
 
     def run(self, turn: int) -> None:
-        """One round: every pair by itself, then all at once if that is another thing.
+        """One round: every pair on its own, then all at once where the method takes batches.
 
         A method that has no time for all pairs has others in each round.
         """
@@ -136,12 +136,12 @@ def contend(params: Params, effort: Effort) -> Iterable[Contender]:
         ).items():
             yield Contender(method, setting, test)
     for name in trained_methods(params):
-        for told in settings_of(name, params.methods):
+        for setting in settings_of(name, params.methods):
             weights = weights_of(name)
-            learned = load_learned(name, told, params.methods, params.diffusion, weights)
-            yield Contender(learned, told, test)
+            learned = load_learned(name, setting, params.methods, params.diffusion, weights)
+            yield Contender(learned, setting, test)
             if name == CF:
-                yield Contender(learned, told, first_points(test, effort.subset))
+                yield Contender(learned, setting, first_points(test, effort.subset))
 
 
 def first_points(pairs: Pairs, count: int) -> Pairs:
@@ -189,7 +189,7 @@ def _named(contender: Contender) -> str:
 
 
 def _latencies(name: str, ours: Contender, peer: Contender) -> Comparison:
-    """Of the pairs that both registered."""
+    """The ratios over the pairs that both registered."""
     mine, theirs = ours.pair_ms, peer.pair_ms
     common = sorted(mine.keys() & theirs.keys())
     if not common:

@@ -16,7 +16,7 @@ from pipeline.settings.params import Params, read_params
 
 FOLDER = Path("benchmarks")
 THREADS = 1
-"""Of everybody; see :mod:`benchmarks.threads`."""
+"""Threads of every contender; see :mod:`benchmarks.threads`."""
 FIRST = (
     "cf_train_step_vs_plain",
     "cf_latency_vs_fastest_peer",

@@ -16,17 +16,17 @@ ALL = frozenset(os.sched_getaffinity(0)) if sys.platform == "linux" else frozens
 
 
 def hold_to_one(argv: Sequence[str]) -> None:
-    """Start `python -m benchmarks` anew under the variables, or go on where they are set.
+    """Restart `python -m benchmarks` under the variables, or continue where they are set.
 
     Libraries read them when they are loaded. Those that count the processors instead (TBB, in
     Open3D and KISS-Matcher) are shown one.
     """
-    told = dict.fromkeys(VARIABLES, "1")
-    if told.items() <= os.environ.items():
+    wanted = dict.fromkeys(VARIABLES, "1")
+    if wanted.items() <= os.environ.items():
         hold_to_processors(frozenset(sorted(ALL)[-1:]))
         return
     command = [sys.executable, "-m", "benchmarks", *argv]
-    os.execve(sys.executable, command, {**os.environ, **told})
+    os.execve(sys.executable, command, {**os.environ, **wanted})
 
 
 def hold_to_processors(processors: frozenset[int]) -> None:

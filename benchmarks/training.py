@@ -26,7 +26,7 @@ CLIP = 10.0
 def measure_training(params: Params, effort: Effort) -> list[Comparison]:
     """A step of CF and one of CB, with the paper's networks, both sides in turn.
 
-    The reference trains in a process of its own, which is told the number of threads and nothing
+    The reference trains in a process of its own, which is given the number of threads and nothing
     else: the allocator and denormal numbers are as PyTorch finds them. A second row of each
     measures it in this process, where they are as this project's stages have them.
     """
@@ -76,8 +76,8 @@ class ElsewhereStepper:
         """Start it; the first ``step`` waits for it."""
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        told = (theirs, name, paper.model_dump(), pairs, torch.get_num_threads())
-        self.process = context.Process(target=serve, args=told)
+        given = (theirs, name, paper.model_dump(), pairs, torch.get_num_threads())
+        self.process = context.Process(target=serve, args=given)
         self.process.start()
         theirs.close()
 

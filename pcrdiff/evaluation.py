@@ -31,7 +31,7 @@ def evaluate(
     progress: Progress = silent,
     spread: Spread = in_turn,
 ) -> Estimates:
-    """Register every pair by itself.
+    """Register every pair on its own.
 
     Pair k draws from its own generator, seeded ``(seed, k)``, so that it is answered alike
     whatever was registered before it, and wherever. A method that raises on a pair is scored as

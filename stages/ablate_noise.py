@@ -37,8 +37,8 @@ def main(argv: list[str] | None = None) -> None:
     params, name = read_params(), args.method
     noise = params.ablation.noise
     settle(params.threads, params.search_precision)
-    told = {"search_precision": search_precision(), "method": name, "scenario": noise.scenario}
-    with journal(params=told, inputs=[args.pairs]) as notes:
+    shown = {"search_precision": search_precision(), "method": name, "scenario": noise.scenario}
+    with journal(params=shown, inputs=[args.pairs]) as notes:
         learned = name in learned_names()
         weights = args.models / name / noise.scenario / WEIGHTS if learned else None
         method = next(iter(load_settings(params, name, args.pairs, weights).values()))

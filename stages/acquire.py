@@ -1,4 +1,4 @@
-"""DVC stage ``acquire``: a raw data set in its official layout, made up, named or downloaded."""
+"""DVC stage ``acquire``: a raw data set in its official layout: synthetic, local or downloaded."""
 
 import argparse
 import shutil

@@ -25,16 +25,16 @@ def main(argv: list[str] | None = None) -> None:
     args = parser.parse_args(argv)
 
     params = read_params()
-    told = {"method": args.method}
+    shown = {"method": args.method}
     if args.models:
         settle(params.threads, params.search_precision)
-        told["search_precision"] = search_precision()
+        shown["search_precision"] = search_precision()
     else:
         settle(params.threads)
     if args.method in SHOWN:
-        told |= {key: str(value) for key, value in params.diffusion.model_dump().items()}
+        shown |= {key: str(value) for key, value in params.diffusion.model_dump().items()}
     inputs = [args.pairs, args.models] if args.models else [args.pairs]
-    with journal(params=told, inputs=inputs) as notes:
+    with journal(params=shown, inputs=inputs) as notes:
         errors = {}
         for scenario, weights in weights_by_scenario(params, args.method, args.models).items():
             pairs = args.pairs / f"{scenario}.h5"

@@ -44,8 +44,12 @@ def main(argv: list[str] | None = None) -> None:
     section = pick(params.scenarios, args.scenario, "scenarios")
     family = params.acquire[section.dataset].family
     settle(threads=1)  # a pair has no work for more
-    told = {"scenario": args.scenario, "dataset": section.dataset, "num_points": section.num_points}
-    with journal(params=told, inputs=[args.raw]) as notes:
+    shown = {
+        "scenario": args.scenario,
+        "dataset": section.dataset,
+        "num_points": section.num_points,
+    }
+    with journal(params=shown, inputs=[args.raw]) as notes:
         spread = spread_over(params.compute, threads=1)
         made = preprocess(args.scenario, section, family, args.raw, seed=params.seed, spread=spread)
         write_pairs(args.pairs, made.splits, made.label, made.attributes)
@@ -195,7 +199,7 @@ def _place(item: RawItem) -> str:
 
 
 def _without(shown: Sequence[int], numbers: Sequence[int], where: str) -> dict[int, int]:
-    """What is shown by the other pairs, under their own numbers, so that they are drawn alike."""
+    """What the other pairs show, under their own numbers, so that their draws stay the same."""
     kept = {k: i for k, i in enumerate(shown) if k not in set(numbers)}
     if not kept:
         raise ValueError(
@@ -208,7 +212,7 @@ def _without(shown: Sequence[int], numbers: Sequence[int], where: str) -> dict[i
 def _of(
     dataset: str, blocks: Iterator[Pairs], find: Callable[[], Sequence[int]]
 ) -> Iterator[Pairs]:
-    """The same blocks; what is wrong with one is said of the data set.
+    """The same blocks; an error in one names the data set.
 
     ``find`` tells which pairs are degenerate: asked when the first is met, to say how many.
     """

@@ -34,8 +34,8 @@ def main(argv: list[str] | None = None) -> None:
 
     params = read_params()
     settle(params.threads, params.search_precision)
-    told = {"threads": params.threads, "search_precision": search_precision()}
-    with journal(params=told, inputs=[args.pairs]) as notes:
+    shown = {"threads": params.threads, "search_precision": search_precision()}
+    with journal(params=shown, inputs=[args.pairs]) as notes:
         for name, costs in time_all(params, args.pairs, args.models):
             write_costs(args.costs / f"{name}.csv", costs)
             if name in SHOWN:
@@ -58,7 +58,7 @@ class Cost:
 
 
 Costs = Mapping[str, list[Cost]]
-"""Of each of the first test pairs, by setting."""
+"""The costs of the first test pairs, by setting."""
 
 
 def time_all(params: Params, pairs: Path, models: Path) -> Iterator[tuple[str, Costs]]:
@@ -136,7 +136,7 @@ def time_settings(load: Callable[[], Mapping[str, Method]], test: Pairs, warm_up
 
 
 def time_registrations(method: Method, test: Pairs, warm_up: int, before: float) -> list[Cost]:
-    """Time every pair by itself after ``warm_up`` registrations of the first.
+    """Time every pair on its own after ``warm_up`` registrations of the first.
 
     Memory is counted from ``before``, in MiB: what a method allocates once, in whichever of its
     settings came first, belongs to it. A pair that the method fails on is timed all the same.
@@ -160,7 +160,7 @@ def _register(method: Method, source: Tensor, target: Tensor) -> None:
 
 
 def write_costs(path: Path, costs: Costs) -> None:
-    """Write ``results/times/<method>.csv``: a row a setting and pair."""
+    """Write ``results/times/<method>.csv``: one row per setting and pair."""
     rows = [
         [pair, setting, cost.seconds, cost.peak_memory_mib]
         for setting, found in costs.items()

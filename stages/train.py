@@ -120,7 +120,7 @@ class Trained:
     """The outcome of a training."""
 
     weights: dict[str, Tensor]
-    """Of the epoch that did best on the validation pairs."""
+    """Weights of the epoch with the lowest validation error."""
     curve: list[Epoch]
     facts: dict[str, object]
     """How much training this was."""
@@ -150,17 +150,20 @@ def train_all(params: Params, trainings: Sequence[Training]) -> None:
         FileNotFoundError, ValueError: A pair file is missing or is not one, or the processes disagree.
         RuntimeError: A gradient is not finite.
     """
-    told = [training_params(params, t.scenario, t.method, t.variant) for t in trainings]
+    described = [training_params(params, t.scenario, t.method, t.variant) for t in trainings]
     pairs = sorted({training.pairs for training in trainings})
     with join(params.train.devices, params.train.nodes) as processes:
         settle(params.threads, params.search_precision)
-        check_agreement(processes, {"trainings": told}, [*pairs, *CODE])
+        check_agreement(processes, {"trainings": described}, [*pairs, *CODE])
         if processes.rank > 0:
             for training in trainings:
                 train_method(params, training, NoCheckpoint(), processes)
             return
-        with journal(params=_noted(told), inputs=pairs) as notes, ExitStack() as until_all_are_done:
-            for training, its_params in zip(trainings, told, strict=True):
+        with (
+            journal(params=_noted(described), inputs=pairs) as notes,
+            ExitStack() as until_all_are_done,
+        ):
+            for training, its_params in zip(trainings, described, strict=True):
                 checkpoint = until_all_are_done.enter_context(
                     open_checkpoint(its_params, [training.pairs, *CODE])
                 )
@@ -174,9 +177,9 @@ NOTED = ("search_precision", "method", "scenario", "epochs", "batch_size", "lear
 """What MLflow shows of a training's params; all of them are in ``dvc.lock``."""
 
 
-def _noted(told: Sequence[dict[str, Any]]) -> dict[str, object]:
+def _noted(described: Sequence[dict[str, Any]]) -> dict[str, object]:
     """What the trainings of a stage have in common, and what they do not, as text."""
-    different = {name: [str(each[name]) for each in told] for name in NOTED}
+    different = {name: [str(each[name]) for each in described] for name in NOTED}
     return {name: ", ".join(dict.fromkeys(values)) for name, values in different.items()}
 
 

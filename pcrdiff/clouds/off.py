@@ -113,7 +113,7 @@ def _read_header(lines: Sequence[Line], path: Path) -> tuple[int, int, int]:
 
 def _read_vertices(lines: Sequence[Line], path: Path) -> Float64[np.ndarray, "v 3"]:
     vertices = read_rows(lines, range(3), path, "vertices `x y z`")
-    # Colours may follow, at every vertex alike; a line of another width is a face.
+    # Colours may follow, at every vertex or at none; a line of another width is a face.
     check_width(lines, len(lines[0].text.split()), path, "vertices `x y z` like the first one")
     return check_cloud(vertices, str(path))
 

@@ -54,7 +54,7 @@ def download_archives(
 ) -> None:
     """Download zip archives, verify them all, and unpack them side by side into ``out``.
 
-    A download that was cut goes on where it stopped when this is called again. ``out`` is replaced
+    An interrupted download resumes when this is called again. ``out`` is replaced
     as a whole at the end, or not touched at all.
 
     Args:
@@ -139,7 +139,7 @@ def _is_lasting(error: Exception) -> bool:
 
 
 def _receive(response: HTTPResponse, part: Path, held: int, progress: Progress) -> None:
-    """Append what the server sends, or start anew where it ignored the range."""
+    """Append what the server sends, or start again where it ignored the range."""
     resumes = response.headers.get("Content-Range", "").startswith(f"bytes {held}-")
     length = response.headers.get("Content-Length")
     chunks = range(-(-int(length) // CHUNK_BYTES)) if length else None

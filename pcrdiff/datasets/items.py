@@ -31,12 +31,12 @@ class RawItem:
     file: Path | None = None
     """What it is read from."""
     sha256: str | None = None
-    """Of its own content, where the file holds other items too."""
+    """Digest of its own content, where the file holds other items too."""
 
 
 @dataclass(frozen=True)
 class RecordedPair:
-    """Two items whose relative pose was measured, not made up."""
+    """Two items whose relative pose was measured."""
 
     source: str
     target: str

@@ -260,7 +260,7 @@ def _make_block(
 def _make_numbered(
     k: int, item: RawItem, corruption: Corruption, seed: Sequence[int]
 ) -> tuple[SampledCloud, SampledCloud, Float64[np.ndarray, "4 4"]]:
-    """Pair k; what is wrong with its item is said by name."""
+    """Pair k; an error names its item."""
     try:
         generator = np.random.default_rng([*seed, k])
         return make_pair(item.read(), corruption, generator=generator)

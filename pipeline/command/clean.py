@@ -27,7 +27,7 @@ def leftovers(root: Path, *, days: float) -> list[Leftover]:
 
     Args:
         root: The project.
-        days: Checkpoints touched since then are kept: their trainings can still go on.
+        days: Checkpoints touched since then are kept: their trainings can still resume.
     """
     return [
         *(Leftover(path, "folder of a dead experiment") for path in dead_experiments(root)),

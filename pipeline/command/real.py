@@ -49,13 +49,13 @@ def run_real(root: Path) -> list[Path]:
 
 
 def _folder(root: Path) -> str:
-    told = os.environ.get(VARIABLE)
-    if not Path(root, told or DEFAULT).is_dir():
-        where = f"{VARIABLE}={told}" if told else f"{VARIABLE} or {DEFAULT}"
+    named = os.environ.get(VARIABLE)
+    if not Path(root, named or DEFAULT).is_dir():
+        where = f"{VARIABLE}={named}" if named else f"{VARIABLE} or {DEFAULT}"
         raise FileNotFoundError(f"real data is needed at {where}, there is no such folder")
-    if not (told or DEFAULT).isprintable():  # YAML has no such characters, or not on one line
-        raise ValueError(f"{VARIABLE} needs the path in printable characters, got {told!a}")
-    return told or DEFAULT
+    if not (named or DEFAULT).isprintable():  # YAML has no such characters, or not on one line
+        raise ValueError(f"{VARIABLE} needs the path in printable characters, got {named!a}")
+    return named or DEFAULT
 
 
 def _values_on(folder: str, values: dict[str, Any]) -> dict[str, Any]:

@@ -32,7 +32,7 @@ class Finished:
     seconds: float
     """On the wall."""
     cpu_seconds: float
-    """Of all its processes, DVC's part of the work included."""
+    """Processor time of all its processes, DVC's part of the work included."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ def be_dvc(root: Path, stage: str, log: TextIO) -> NoReturn:
 
 
 def _end(number: int, _frame: object) -> NoReturn:
-    """Take along what DVC has started, which would go on."""
+    """End what DVC has started as well, which would keep running."""
     for pid in descendants(os.getpid()):
         with suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)

@@ -1,4 +1,4 @@
-"""Where a training that was killed goes on from: beside the DVC outputs, never one of them."""
+"""Where a killed training resumes from: beside the DVC outputs, never one of them."""
 
 import hashlib
 import json
@@ -67,7 +67,7 @@ class DiskCheckpoint:
         try:
             self._replace(copies, text)
         except (SafetensorError, OSError) as error:
-            _warn(f"the state was not saved in {self.folder}, training goes on: {error}")
+            _warn(f"the state was not saved in {self.folder}, training continues: {error}")
 
     def _replace(self, tensors: dict[str, torch.Tensor], record: str) -> None:
         """Write under another name, sync to disk, then turn the generations."""
@@ -136,18 +136,18 @@ def open_checkpoint(
 def fingerprint(params: Mapping[str, object], deps: Sequence[Path]) -> str:
     """Return the name of a training: sha256 of its stage, its params and what it depends on.
 
-    Variants of several ablations may be told the same; they run at the same time all the same.
+    The stage is part of it: variants of several ablations may have equal params, and run at once.
     """
     stage = os.environ.get("DVC_STAGE", "")
     try:
-        told = json.dumps([stage, params], sort_keys=True)
+        described = json.dumps([stage, params], sort_keys=True)
     except TypeError as error:
         raise ValueError(f"a training's params must be JSON: {error}") from error
     for path in deps:
         if not path.exists():
             raise FileNotFoundError(f"the training depends on {path}, which is not there")
     read = sorted([path.as_posix(), content_md5(path)] for path in map(_relative, deps))
-    return hashlib.sha256(json.dumps([told, read]).encode()).hexdigest()
+    return hashlib.sha256(json.dumps([described, read]).encode()).hexdigest()
 
 
 def checkpoints_folder(root: Path) -> Path:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 PATIENCE = timedelta(minutes=10)
-"""How long one waits for another that says nothing; one that has ended is noticed at once."""
+"""Timeout for a silent peer; a dead one is detected immediately."""
 
 
 class Together:
@@ -84,7 +84,7 @@ def join(devices: int, nodes: int) -> Iterator[Processes]:
 
 
 def check_agreement(
-    processes: Processes, told: Mapping[str, object], made_of: Sequence[Path]
+    processes: Processes, params: Mapping[str, object], made_of: Sequence[Path]
 ) -> None:
     """Make sure that all train the same method on the same pairs by the same code.
 
@@ -94,7 +94,7 @@ def check_agreement(
     """
     if processes.count == 1:
         return
-    mine = fingerprint(told, made_of)
+    mine = fingerprint(params, made_of)
     if processes.of_first(mine) != mine:
         raise ValueError(
             f"process {processes.rank} has other params, pairs or code than the first; each host "
@@ -112,7 +112,7 @@ def _launch(devices: int, nodes: int) -> "Fabric":
         raise ValueError(f"train.devices is {devices}, and this host has {gpus} GPUs")
     os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # else its sums vary
     # Without a search for unused parameters, buckets are laid out again after the first step, and a
-    # training that goes on from a checkpoint would sum in another order.
+    # training that resumes from a checkpoint would sum in another order.
     strategy = DDPStrategy(timeout=PATIENCE, find_unused_parameters=True)
     fabric = Fabric(
         accelerator="cuda" if gpus else "cpu", devices=devices, num_nodes=nodes, strategy=strategy

@@ -8,7 +8,7 @@ LONGEST = 2000
 
 
 def run(main: Callable[[], None], name: str) -> None:
-    """Run the stage of this name; what a user can mend is said in one sentence, without a traceback."""
+    """Run the stage of this name; an error that a user can mend is one sentence without a traceback."""
     try:
         main()
     except (ValueError, OSError, RuntimeError, MemoryError, OverflowError) as error:

@@ -26,7 +26,7 @@ Output = TypeVar("Output", covariant=True)
 AHEAD = 4
 """Items that are on their way to a worker, in one, or back: with them memory stays bounded."""
 PATIENCE_S = 10
-"""How long a scheduler, and a worker of it, is waited for."""
+"""Timeout in seconds for a scheduler, and for its first worker."""
 
 
 class _Future(Protocol[Output]):
@@ -66,8 +66,8 @@ def _over_processes(
 ) -> Iterator[Result]:
     """One-threaded workers are forks, there at once; OpenMP's threads would not survive that."""
     context = get_context("fork" if threads == 1 else "spawn")
-    told = (pickle.dumps(function), threads, search_precision())
-    pool = ProcessPoolExecutor(processes, context, _start_worker, told)
+    given = (pickle.dumps(function), threads, search_precision())
+    pool = ProcessPoolExecutor(processes, context, _start_worker, given)
     try:
         _begin(pool, processes)
         yield from _in_order(lambda item: pool.submit(_call_here, item), items, AHEAD * processes)
@@ -115,8 +115,8 @@ def _over_machines(
 
     with _connected(scheduler) as client:
         (pickled,) = client.scatter([pickle.dumps(function)], broadcast=True)  # type: ignore[no-untyped-call]
-        told = (pickled, threads, search_precision())
-        submit = partial(client.submit, _call_there, *told, pure=False)
+        given = (pickled, threads, search_precision())
+        submit = partial(client.submit, _call_there, *given, pure=False)
         try:
             ahead = AHEAD * sum(client.nthreads().values())  # type: ignore[no-untyped-call]
             yield from _in_order(submit, items, ahead)

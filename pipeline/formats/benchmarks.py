@@ -33,15 +33,15 @@ class Latency:
     method: str
     setting: str
     points: int
-    """It is given so many of each cloud."""
+    """Points per cloud."""
     latency_ms: float
-    """Of a pair registered by itself, median over pairs."""
+    """Latency of a pair registered on its own, median over pairs."""
     spread_ms: float
     """Interquartile range over pairs."""
     n: int
     """How many pairs; the first ones, fewer for slow methods."""
     pairs_per_s: float
-    """Of ``batch`` pairs given at once, or one after the other to a method that takes one."""
+    """Throughput of ``batch`` pairs given at once, or one after the other to a method that takes one."""
     batch: int
     error_r_deg: float
     error_t: float
@@ -56,7 +56,7 @@ class PeakMemory:
 
     method: str
     points: int
-    """Of each cloud."""
+    """Points per cloud."""
     peak_mib: float
     """Resident memory of the process at its highest."""
     seconds: float
@@ -75,11 +75,11 @@ class Ceiling:
     n: int
     gflop_per_s: float
     gflop_share: float
-    """Of the fastest float32 matrix product measured."""
+    """Share of the fastest float32 matrix product measured."""
     gbyte_per_s: float
-    """Of the bytes that have to move, whatever else was moved."""
+    """Rate of the bytes that have to move, whatever else was moved."""
     gbyte_share: float
-    """Of the copy measured."""
+    """Share of the copy measured."""
     environment: str
 
 

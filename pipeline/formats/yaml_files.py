@@ -51,7 +51,7 @@ def read_mapping(path: Path) -> dict[str, Any]:
 
 @dataclass(eq=False)
 class _Size:
-    """Of a value, with all that is in it."""
+    """The size of a value with everything in it."""
 
     values: int = 1
     levels: int = 0

@@ -78,7 +78,7 @@ class Acquire(Section):
     """The ``SIZES`` of the synthetic data set."""
 
     @model_validator(mode="after")
-    def _source_is_told_what_it_needs(self) -> "Acquire":
+    def _source_has_what_it_needs(self) -> "Acquire":
         sizes, needed = self.synthetic, SIZES[self.family]
         if (sizes is not None or self.source == "synthetic") and set(sizes or {}) != needed:
             got = sorted(sizes or {})
@@ -123,7 +123,7 @@ class Scenario(Section):
     jitter_clip: Length
     keep: Annotated[float, Field(gt=0, le=1)]
     normals: Normals
-    """``given`` keeps the data set's own in the pair file, for methods that are told to use them."""
+    """``given`` keeps the data set's own in the pair file, for methods whose ``normals`` are ``given``."""
     degenerate: Literal["refuse", "drop"]
     """What becomes of a shape whose points are on one line or in one place."""
 
@@ -187,7 +187,7 @@ DIFFUSED = tuple(SHOWN)
 
 
 class Sampling(Section):
-    """Of the ablation over steps."""
+    """The samplers and draws of the ablation over steps."""
 
     samplers: Listed[Sampler]
     draws: dict[str, Count]
@@ -195,7 +195,7 @@ class Sampling(Section):
 
 
 class Noise(Section):
-    """Of the ablation over noise, on the ablation's scenario without any."""
+    """The ablation over noise, which is added to the pairs of a scenario without any."""
 
     scenario: str
     """On whose pairs the learned methods were trained."""
@@ -270,7 +270,7 @@ class Params(Section):
         return self
 
     def _check_scenarios(self) -> None:
-        """A scenario has its data set, and what is said of a scenario is said of one there is."""
+        """Every scenario has its data set, and every scenario that is named exists."""
         for name, scenario in self.scenarios.items():
             if scenario.dataset not in self.acquire:
                 raise ValueError(f"scenarios.{name}.dataset {scenario.dataset!r} is not in acquire")
@@ -290,7 +290,7 @@ class Params(Section):
                 self._check_normals(scenario, method)
 
     def _check_what_is_named(self) -> None:
-        """Every method that is named there is, and of the kind that is needed."""
+        """Every method that is named exists and is of the kind that is needed."""
         _check_methods("run.diffused", self.run.diffused, DIFFUSED)
         _check_methods("run.baselines", self.run.baselines, baseline_names())
         _check_methods("trainings", self.trainings, learned_names())
@@ -310,7 +310,7 @@ class Params(Section):
 
     def _check_ablated_methods(self) -> None:
         for method in self.ablation.methods:
-            for name, given in self._told_by_method().items():
+            for name, given in self._numbers_by_method().items():
                 if method not in given:
                     raise ValueError(f"{name} needs a number for {method}, has {sorted(given)}")
             self._check_varied(method)
@@ -332,8 +332,8 @@ class Params(Section):
                     f"ablation.{listed} needs others than {where}.{key}, which is {own}"
                 )
 
-    def _told_by_method(self) -> dict[str, dict[str, Count]]:
-        """What an ablation says of each of its methods."""
+    def _numbers_by_method(self) -> dict[str, dict[str, Count]]:
+        """The numbers that the ablations need for each of their methods."""
         draws = self.ablation.sampling.draws
         return {"ablation.epochs": self.ablation.epochs, "ablation.sampling.draws": draws}
 

@@ -22,7 +22,7 @@ WithOrWithout = Literal["with", "without"]
 """These four are the library's own names; written again here, since it takes seconds to import."""
 Sampler = Literal["ddpm", "ddim"]
 SearchPrecision = Literal["float32", "bfloat16", "auto"]
-"""Of PointNet's maxima; ``pcrdiff.geometry.precision`` says what ``auto`` is."""
+"""Precision of the search for PointNet's maxima; see ``pcrdiff.geometry.precision``."""
 SettingName = Literal["paper", "official"]
 """The paper's iteration counts, or the authors' own settings."""
 
@@ -36,7 +36,7 @@ def _check_name(name: str) -> str:
 
 
 Name = Annotated[str, AfterValidator(_check_name)]
-"""Of a data set or a scenario."""
+"""The name of a data set or a scenario."""
 
 
 T = TypeVar("T")

@@ -116,7 +116,7 @@ def journal(*, params: Mapping[str, object], inputs: Sequence[Path] = ()) -> Ite
         inputs: Files and folders it reads; their md5, as DVC computes it, is noted.
 
     Yields:
-        The journal, for metrics and artifacts. An exception ends it as FAILED and goes on.
+        The journal, for metrics and artifacts. An exception ends it as FAILED and is raised again.
     """
     stage = os.environ.get("DVC_STAGE") or Path(sys.argv[0]).stem or "python"
     notes = Journal(journals_folder(project_root()) / new_id(stage))

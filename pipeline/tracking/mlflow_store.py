@@ -61,7 +61,7 @@ def database_file(uri: str) -> Path | None:
 
 
 def artifacts_folder(uri: str, root: Path) -> str | None:
-    """Return where artifacts go; a server and a folder of runs decide by themselves.
+    """Return where artifacts go; a server and a folder of runs decide on their own.
 
     Beside a database it is ``mlruns``: next to a SQLite file, in the project for the others,
     which would take the current folder, and that of ``dvc exp run --temp`` is soon gone.

@@ -41,7 +41,7 @@ class Record:
     """``FINISHED``, ``FAILED``, ``RUNNING``, or ``KILLED``: no end, and nobody holds the lock."""
     error: str
     processor: str
-    """Of the machine it ran on."""
+    """Processor of the machine it ran on."""
     restored: Mapping[str, Mapping[str, str]]
     """Empty for a stage that ran. Otherwise no stage did: the stages whose outputs DVC took from
     its cache or found unchanged in this pipeline run, with the md5 of each output by path."""

@@ -14,7 +14,7 @@ VARIABLE = "PCRDIFF_INVOCATION"
 """A launcher of several ``dvc repro -s`` sets this to ``process_identity(os.getpid())``."""
 
 SHELL = "/bin/sh"
-"""What our own verbs let DVC run commands with; by itself it takes ``$SHELL``, be it nologin."""
+"""The shell that our own verbs have DVC use; its default is ``$SHELL``, which may be nologin."""
 NOTHING_THERE = ("not a git repository (or any", "ambiguous argument 'HEAD'", "bad revision 'HEAD'")
 """How git's answer begins where there is no repository, or none with a commit."""
 
@@ -120,9 +120,9 @@ def project_root() -> Path:
     Raises:
         FileNotFoundError: Neither this folder nor one above it is a project.
     """
-    told = os.environ.get("DVC_ROOT")
-    if told:
-        return Path(told).resolve()
+    given = os.environ.get("DVC_ROOT")
+    if given:
+        return Path(given).resolve()
     here = Path.cwd()
     for folder in (here, *here.parents):
         if (folder / "dvc.yaml").is_file() and (folder / ".dvc").is_dir():
@@ -152,8 +152,8 @@ def is_running(identity: str) -> bool:
 
 def _stat(pid: int) -> list[str]:
     """Return the fields of ``/proc/<pid>/stat`` after the name: state, parent, ..., start tick."""
-    told = Path(f"/proc/{pid}/stat").read_bytes()  # a name may be of any bytes
-    return told.rpartition(b")")[2].decode("ascii").split()
+    stat = Path(f"/proc/{pid}/stat").read_bytes()  # a name may be of any bytes
+    return stat.rpartition(b")")[2].decode("ascii").split()
 
 
 def _ancestors() -> Iterator[int]:
