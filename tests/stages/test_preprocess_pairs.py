@@ -129,35 +129,30 @@ def test_the_record_tells_where_the_pairs_come_from() -> None:
     assert (preprocessed.attributes["scenario"], preprocessed.attributes["seed"]) == (SCENARIO, 7)
 
 
-def test_what_the_project_made_itself_has_its_own_licence(blank: Path) -> None:
+def preprocess_kitti(blank: Path, **changes: object) -> Preprocessed:
+    """Acquire three synthetic scans, and make pairs of them."""
     params = tiny_params()
     params["acquire"]["kitti"]["synthetic"]["scans_per_sequence"] = 3
     write_params(params)
     run_instance(instance("acquire@kitti"))
     split = {"by": "item", "val_fraction": 0.34, "test_fraction": 0.34, "categories": "all"}
-    kitti = scenario(split=split | {"val_groups": [], "test_groups": []})
-    made_up = preprocess("kitti", kitti, "kitti", blank / "data/raw/kitti", seed=7)
+    kitti = scenario(split=split | {"val_groups": [], "test_groups": []}, **changes)
+    return preprocess("kitti", kitti, "kitti", blank / "data/raw/kitti", seed=7)
+
+
+def test_what_the_project_made_itself_has_its_own_licence(blank: Path) -> None:
+    made_up = preprocess_kitti(blank)
     record: Any = made_up.attributes["provenance"]
     assert (record["source"], record["licence"]) == ("synthetic", SYNTHETIC_LICENCE)
     assert (made_up.label, joined(made_up.splits["train"].blocks).group) == ("scene", ("00",))
 
 
 def test_given_normals_of_a_data_set_that_has_none_are_refused_by_its_name(blank: Path) -> None:
-    params = tiny_params()
-    params["acquire"]["kitti"]["synthetic"]["scans_per_sequence"] = 3
-    write_params(params)
-    run_instance(instance("acquire@kitti"))
-    split = {"by": "item", "val_fraction": 0.34, "test_fraction": 0.34, "categories": "all"}
-    split |= {"val_groups": [], "test_groups": []}
-    kitti = scenario(dataset="kitti", split=split, normals="given")
+    blocks = preprocess_kitti(blank, dataset="kitti", normals="given").splits["train"].blocks
     with pytest.raises(
         ValueError, match=r"kitti: no pair of 00/\d+: .* normals, this one has none"
     ):
-        joined(
-            preprocess("kitti", kitti, "kitti", blank / "data/raw/kitti", seed=7)
-            .splits["train"]
-            .blocks
-        )
+        joined(blocks)
 
 
 def flatten(*names: str) -> None:

@@ -138,7 +138,7 @@ def test_a_full_disk_keeps_the_old_state_and_the_training(
         monkeypatch.setattr("pipeline.compute.checkpoints.save_file", full)
         checkpoint.save(*state(2))
         assert_state(checkpoint, 1)
-    assert "training goes on: [Errno 28]" in capsys.readouterr().err
+    assert "training continues: [Errno 28]" in capsys.readouterr().err
 
 
 def test_a_record_json_cannot_hold_is_refused() -> None:
