@@ -1,17 +1,16 @@
 """Timing calls side by side, and what a comparison comes to."""
 
 import os
-import platform
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 
 from pcrdiff.geometry.precision import search_precision
 from pipeline.formats.benchmarks import Ratio
+from pipeline.tracking.journal import processor
 
 
 @dataclass(frozen=True)
@@ -93,11 +92,11 @@ def time_of(call: Callable[[], object]) -> float:
 
 
 def describe_environment() -> str:
-    """Processor, cores, threads, torch and the precision of the search; nothing of whose it is."""
+    """Processor, cores, threads, torch and the precision of the search; no name of a host."""
     threads = torch.get_num_threads()
     return "; ".join(
         [
-            _processor(),
+            processor(),
             _counted(os.cpu_count() or 1, "core"),
             _counted(threads, "thread"),
             f"torch {torch.__version__.partition('+')[0]}",
@@ -108,13 +107,3 @@ def describe_environment() -> str:
 
 def _counted(count: int, what: str) -> str:
     return f"{count} {what}{'s' * (count != 1)}"
-
-
-def _processor() -> str:
-    """Its name as the kernel tells it; its architecture where it does not."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        lines = []
-    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(named, platform.machine())

@@ -3,7 +3,6 @@
 import multiprocessing
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -15,6 +14,7 @@ from pcrdiff.geometry.random_pose import draw_pose
 from pcrdiff.geometry.rigid import transform
 from pipeline.catalogue import build_learned, settings_of
 from pipeline.compute.machine import resident, settle
+from pipeline.formats.benchmarks import PeakMemory
 from pipeline.settings.params import read_params
 
 POINTS = (512, 1024, 2048, 4096, 8192, 16384)
@@ -22,31 +22,19 @@ SEMI_AXES = (0.9, 0.6, 0.4)  # of the ellipsoid that is registered
 MAX_ROTATION, MAX_TRANSLATION = np.pi / 4, 1.0  # the paper's
 
 
-@dataclass(frozen=True)
-class MemoryRow:
-    """One registration, the first and last thing that its process did."""
-
-    points: int
-    """Points of the source, and as many of the target."""
-    peak_mib: float
-    """Resident memory of the process at its highest, with all its libraries."""
-    seconds: float
-    """Seconds that the registration took."""
-
-
 def measure_memory(
-    method: str = "pcrdiffusion_cb", points: Sequence[int] = POINTS
-) -> list[MemoryRow]:
+    method: str = "pcrdiffusion_cb", points: Sequence[int] = POINTS, environment: str = ""
+) -> list[PeakMemory]:
     """Register two clouds of each size, each in a fresh process, by an untrained network.
 
     The network is that of ``params.yaml`` in the current folder, in its last setting: the walk
     of ``diffusion``, or as many updates as its authors made.
     """
     with multiprocessing.get_context("spawn").Pool(1, maxtasksperchild=1) as pool:
-        return pool.map(partial(register_once, method), points, chunksize=1)
+        return pool.map(partial(register_once, method, environment), points, chunksize=1)
 
 
-def register_once(method: str, points: int) -> MemoryRow:
+def register_once(method: str, environment: str, points: int) -> PeakMemory:
     """Register in this process, which should have done nothing before."""
     params = read_params()
     settle(params.threads, params.search_precision)
@@ -56,7 +44,8 @@ def register_once(method: str, points: int) -> MemoryRow:
     source, target = make_clouds(points, params.seed)
     start = time.perf_counter()
     network.register(source, target, generator=torch.Generator().manual_seed(params.seed))
-    return MemoryRow(points, resident("VmHWM"), time.perf_counter() - start)
+    seconds = time.perf_counter() - start
+    return PeakMemory(method, points, resident("VmHWM"), seconds, environment)
 
 
 def make_clouds(

@@ -11,7 +11,7 @@ from benchmarks.measuring import compare, describe_environment
 from benchmarks.threads import every_processor
 from pipeline.compute.machine import settle
 from pipeline.compute.progress import bar
-from pipeline.formats.benchmarks import Benchmarks, PeakMemory, Ratio, write_benchmarks
+from pipeline.formats.benchmarks import Benchmarks, Ratio, write_benchmarks
 from pipeline.settings.params import Params, read_params
 
 FOLDER = Path("benchmarks")
@@ -88,14 +88,8 @@ def memory(params: Params, effort: Effort, environment: str) -> Benchmarks:
     from benchmarks.memory import measure_memory
 
     del params
-    method = "pcrdiffusion_cb"
-    found = measure_memory(method, effort.memory_points)
-    return Benchmarks(
-        memory=[
-            PeakMemory(method, each.points, each.peak_mib, each.seconds, environment)
-            for each in found
-        ]
-    )
+    found = measure_memory("pcrdiffusion_cb", effort.memory_points, environment)
+    return Benchmarks(memory=found)
 
 
 def preprocessing(params: Params, effort: Effort, environment: str) -> Benchmarks:
