@@ -10,7 +10,7 @@ from pathlib import Path
 from pcrdiff.clouds.surface import DegenerateShape
 from pcrdiff.datasets import kitti, modelnet40, threedmatch
 from pcrdiff.datasets.items import RawItem
-from pcrdiff.datasets.manifest import read_digests, read_manifest, read_source
+from pcrdiff.datasets.manifest import Manifest, read_manifest
 from pcrdiff.loops import Spread, in_turn
 from pcrdiff.pairs.scenarios import (
     Corruption,
@@ -105,10 +105,10 @@ def preprocess(
             scenario wants given: also while the pairs are made. A shape is degenerate, and the
             scenario does not drop such, or drops all of a split.
     """
-    root = read_manifest(raw, base=project_root())
-    items = READERS[family](root)
+    manifest = read_manifest(raw, base=project_root())
+    items = READERS[family](manifest.root)
     chosen = split_items(items, Split(**scenario.split.model_dump()))
-    doubled = find_doubled(items, chosen, read_digests(raw, root))
+    doubled = find_doubled(items, chosen, manifest.digests)
     if doubled:
         sys.stderr.write(f"pcrdiff preprocess: {_say_doubled(scenario.dataset, doubled)}\n")
     corruption = corruption_of(scenario)
@@ -124,7 +124,7 @@ def preprocess(
         blocks = make_pairs(items, shown, corruption, seeds, bar, spread)
         splits[split] = Streamed(len(shown), _of(scenario.dataset, blocks, find))
     provenance = {
-        **_origin(scenario, family, raw),
+        **_origin(scenario, family, manifest),
         "items": {split: len(index) for split, index in chosen.items()},
         **({"dropped_as_degenerate": dropped} if dropped else {}),
     }
@@ -147,14 +147,13 @@ def corruption_of(scenario: Scenario) -> Corruption:
     )
 
 
-def _origin(scenario: Scenario, family: str, raw: Path) -> dict[str, object]:
+def _origin(scenario: Scenario, family: str, manifest: Manifest) -> dict[str, object]:
     """Where the pairs come from, under which licence, and how they were made."""
-    source, sha256 = read_source(raw)
     return {
         "dataset": scenario.dataset,
-        "source": source,
-        "files_sha256": sha256,
-        "licence": SYNTHETIC_LICENCE if source == "synthetic" else LICENCES[family],
+        "source": manifest.source,
+        "files_sha256": manifest.sha256,
+        "licence": SYNTHETIC_LICENCE if manifest.source == "synthetic" else LICENCES[family],
         "scenario": {key: v for key, v in scenario.model_dump().items() if key != "degenerate"},
     }
 

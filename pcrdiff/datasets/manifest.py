@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -115,18 +116,37 @@ def _described(folder: Path) -> dict[str, dict[str, str | int]]:
         ) from error
 
 
-def read_manifest(folder: Path, *, base: Path, changed_since: int = 0) -> Path:
+@dataclass(frozen=True)
+class Manifest:
+    """What is known of an acquired data set."""
+
+    root: Path
+    """Its folder: the one with the manifest, or the local root."""
+    source: Source
+    files: Sequence[Mapping[str, Any]]
+    """``path`` below the root, ``size`` and ``sha256`` of each."""
+
+    @property
+    def sha256(self) -> str:
+        """One digest over all files."""
+        digests = "".join(f"{entry['path']} {entry['sha256']}\n" for entry in self.files)
+        return hashlib.sha256(digests.encode()).hexdigest()
+
+    @property
+    def digests(self) -> dict[Path, str]:
+        """The sha256 of each file, by its real path."""
+        return {(self.root / entry["path"]).resolve(): entry["sha256"] for entry in self.files}
+
+
+def read_manifest(folder: Path, *, base: Path, changed_since: int = 0) -> Manifest:
     """Find the data set that a manifest describes, and check that it is still what it was.
 
-    A local one is read whole for that: it lies where anyone may change it.
+    The content of a local one is checked too, since it lies where anyone may change it.
 
     Args:
         folder: The folder that holds ``manifest.json``.
         base: What a relative local root is relative to: the project's own folder.
         changed_since: Read only the local files that were touched after this, in ns since 1970.
-
-    Returns:
-        The data set's folder: ``folder`` itself, or the local root.
 
     Raises:
         FileNotFoundError: The manifest, the root or one of its files is gone.
@@ -153,7 +173,7 @@ def read_manifest(folder: Path, *, base: Path, changed_since: int = 0) -> Path:
             )
     if local:
         _check_content(path, manifest["files"], root, changed_since)
-    return root
+    return Manifest(root, manifest["source"], manifest["files"])
 
 
 def _check_content(
@@ -197,24 +217,6 @@ def is_stale(folder: Path, *, base: Path) -> bool:
     except (ValueError, FileNotFoundError):
         return True
     return False
-
-
-def read_source(folder: Path) -> tuple[str, str]:
-    """How the data set of a manifest came here, and one sha256 over all its files."""
-    manifest = _load_manifest(folder / MANIFEST)
-    digests = "".join(f"{entry['path']} {entry['sha256']}\n" for entry in manifest["files"])
-    return manifest["source"], hashlib.sha256(digests.encode()).hexdigest()
-
-
-def read_digests(folder: Path, root: Path) -> dict[Path, str]:
-    """The sha256 of each file of a manifest, by its real path.
-
-    Args:
-        folder: The folder that holds ``manifest.json``.
-        root: The data set's folder, as ``read_manifest`` finds it.
-    """
-    files = _load_manifest(folder / MANIFEST)["files"]
-    return {(root / entry["path"]).resolve(): entry["sha256"] for entry in files}
 
 
 def _load_manifest(path: Path) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from pcrdiff.datasets.manifest import read_digests, write_manifest
+from pcrdiff.datasets.manifest import read_manifest, write_manifest
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.registration import Pairs
 from pipeline.settings.params import Scenario, read_params
@@ -223,7 +223,7 @@ def test_a_file_that_is_gone_since_is_refused(project: Path) -> None:
 def doubled_below(root: Path, family: str, chosen: dict[str, list[int]]) -> list[dict[str, str]]:
     """Names of the items whose content stands in several splits, of a folder just acquired."""
     write_manifest(root, root, source="local")
-    digests = read_digests(root, root)
+    digests = read_manifest(root, base=root).digests
     found = find_doubled(READERS[family](root), chosen, digests)
     return [{split: item.name for split, item in by_split.items()} for by_split in found]
 
