@@ -29,7 +29,8 @@ def corrupt(
 ) -> tuple[Float[Tensor, "batch dim"], Int[Tensor, " batch"]]:
     """Draw a time in 1 .. T and a noise for each vector, and corrupt it (Algorithm 1).
 
-    If the vectors are one process's share of a batch, they get what they would in the whole.
+    Where the generator shares a batch among processes, each vector gets the time and the noise
+    that it would get in the whole batch.
 
     Returns:
         (x_t, t).
