@@ -10,8 +10,8 @@ from benchmarks.effort import Effort
 from benchmarks.measuring import Summary, alternate, summarise
 from pcrdiff.geometry.precision import multiplies_in_bfloat16
 from pcrdiff.models.losses import chamfer_loss
-from pcrdiff.models.matching import sinkhorn
 from pcrdiff.models.pointnet import PointNet
+from pcrdiff.models.sinkhorn import sinkhorn
 from pcrdiff.models.structure import DESCRIPTOR_DIM, StructureEmbedding
 from pipeline.formats.benchmarks import Ceiling
 
@@ -122,7 +122,7 @@ def loop_works(effort: Effort) -> Iterable[Work]:
         2 * 8.0 * batch * points**2,  # a product of 3 and 1 terms, and a comparison
         FLOAT * 2 * clouds.numel(),
     )
-    embedding = StructureEmbedding(dim=DIM)
+    embedding = StructureEmbedding(DIM, DESCRIPTOR_DIM)
     descriptors = torch.rand(1, n, NEIGHBOURS, DESCRIPTOR_DIM, generator=generator)
     yield Work(
         "CB, embedding of one cloud",

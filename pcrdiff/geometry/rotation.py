@@ -100,3 +100,14 @@ def geodesic_angle(
     """Angle of the rotation between two rotations: ``arccos((trace(R_a^T R_b) - 1) / 2)``."""
     trace = (R_a * R_b).sum(dim=(-2, -1))
     return torch.arccos(((trace - 1) / 2).clamp(-1, 1))
+
+
+def angle_between(
+    a: Float[Tensor, "*batch 3"], b: Float[Tensor, "*batch 3"]
+) -> Float[Tensor, "*batch"]:
+    """Angle in [0, pi], accurate everywhere; 0 where a vector vanishes."""
+    (ax, ay, az), (bx, by, bz) = a.unbind(dim=-1), b.unbind(dim=-1)
+    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    cross = (x.square() + y.square() + z.square()).sqrt()
+    dot = ax * bx + ay * by + az * bz + 0.0  # -0 becomes 0, for a vector that vanishes
+    return torch.atan2(cross, dot)

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import pad
 
-from pcrdiff.geometry.argmax import row_argmax
+from pcrdiff.geometry.neighbors import row_argmax
 from pcrdiff.geometry.rigid import invert, transform
 
 INLIER_WEIGHT = 0.01  # Yew & Lee 2020, Sec. 4.4

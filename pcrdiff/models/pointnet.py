@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from pcrdiff.geometry.argmax import row_argmax
+from pcrdiff.geometry.neighbors import row_argmax
 from pcrdiff.geometry.precision import search_precision, search_scores
 from pcrdiff.models.mlp import he_layers
 

@@ -1,4 +1,4 @@
-"""F_t: what the decoder is told of the noisy pose and of the time."""
+"""F_t, the feature of the noisy pose and its time, and where it joins those of the clouds."""
 
 import math
 from typing import Literal
@@ -8,6 +8,9 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 Diffusion = Literal["with", "without"]
+Fusion = Literal["source", "target", "concat"]
+FEATURES: dict[Fusion, int] = {"source": 2, "target": 2, "concat": 3}
+"""The width of the fused feature, in features."""
 
 
 class PoseEncoder(nn.Module):
@@ -46,7 +49,7 @@ class PoseEncoder(nn.Module):
 
 
 class NoPoseEncoder(nn.Module):
-    """Table 3's "without diffusion": the decoder is told nothing of the noisy pose."""
+    """Table 3's "without diffusion": the decoder is not given the noisy pose."""
 
     def __init__(self, dim: int) -> None:
         super().__init__()
@@ -61,7 +64,7 @@ class NoPoseEncoder(nn.Module):
 
 
 def make_pose_encoder(diffusion: Diffusion, pose_dim: int, dim: int) -> nn.Module:
-    """The encoder of a noisy pose of ``pose_dim`` entries, or what stands in its place."""
+    """The encoder of a noisy pose of ``pose_dim`` entries, or its substitute without diffusion."""
     return PoseEncoder(pose_dim, dim) if diffusion == "with" else NoPoseEncoder(dim)
 
 
@@ -70,3 +73,17 @@ def time_embedding(t: Int[Tensor, " batch"], dim: int) -> Float[Tensor, "batch d
     exponents = torch.arange(dim // 2, device=t.device) / (dim // 2)
     angles = t.unsqueeze(-1) * torch.exp(-math.log(10_000) * exponents)
     return torch.cat([angles.sin(), angles.cos()], dim=-1)
+
+
+def fuse(
+    fusion: Fusion,
+    pose: Float[Tensor, "batch dim"],
+    source: Float[Tensor, "batch dim"],
+    target: Float[Tensor, "batch dim"],
+) -> Float[Tensor, "batch wide"]:
+    """F_t added to F_P or to F_Q before they are concatenated, or all three concatenated (Table 5)."""
+    if fusion == "source":
+        return torch.cat([source + pose, target], dim=-1)
+    if fusion == "target":
+        return torch.cat([source, target + pose], dim=-1)
+    return torch.cat([source, target, pose], dim=-1)

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from pcrdiff.geometry.rotation import (
+    angle_between,
     euler_from_matrix,
     geodesic_angle,
     matrix_from_euler,
@@ -130,3 +131,15 @@ def test_the_angle_between_rotations_agrees_with_scipy() -> None:
     a, b = random_rotations(2, 100, generator=seeded(7))
     scipy = (Rotation.from_matrix(a.numpy()).inv() * Rotation.from_matrix(b.numpy())).magnitude()
     np.testing.assert_allclose(geodesic_angle(a, b).numpy(), scipy, atol=1e-7)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-7, 1.0, torch.pi / 2, torch.pi - 1e-7, torch.pi])
+def test_an_angle_between_vectors_is_accurate_everywhere(angle: float) -> None:
+    angles = torch.tensor(angle, dtype=torch.float64)
+    a = torch.tensor([3.0, 0, 0], dtype=torch.float64)
+    b = 0.1 * torch.stack([angles.cos(), angles.sin(), torch.zeros_like(angles)])
+    torch.testing.assert_close(angle_between(a, b), angles, atol=1e-14, rtol=0)
+
+
+def test_an_angle_with_nothing_is_zero() -> None:
+    assert angle_between(torch.ones(3), torch.zeros(3)) == 0
