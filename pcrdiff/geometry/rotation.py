@@ -94,12 +94,23 @@ def euler_from_matrix(R: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3
     return torch.stack([a, b, c], dim=-1)
 
 
+def vee(M: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3"]:
+    """``(M - M^T)`` as a vector: of a rotation by an angle about a unit axis, 2 sin(angle) axis."""
+    skew = M - M.mT
+    return torch.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], dim=-1)
+
+
 def geodesic_angle(
     R_a: Float[Tensor, "*batch 3 3"], R_b: Float[Tensor, "*batch 3 3"]
 ) -> Float[Tensor, "*batch"]:
-    """Angle of the rotation between two rotations: ``arccos((trace(R_a^T R_b) - 1) / 2)``."""
-    trace = (R_a * R_b).sum(dim=(-2, -1))
-    return torch.arccos(((trace - 1) / 2).clamp(-1, 1))
+    """Angle in [0, pi] of the rotation ``R = R_a^T R_b`` between two rotations.
+
+    ``atan2(|vee(R)|, trace(R) - 1)``, twice the sine and twice the cosine: equal to
+    ``arccos((trace(R) - 1) / 2)``, which in float64 resolves no angle below 1e-8.
+    """
+    R = (R_a.unsqueeze(-1) * R_b.unsqueeze(-2)).sum(dim=-3)  # symmetric to the bit if R_a = R_b
+    trace = R.diagonal(dim1=-2, dim2=-1).sum(dim=-1)
+    return torch.atan2(vee(R).norm(dim=-1), trace - 1)
 
 
 def angle_between(
