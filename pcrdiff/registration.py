@@ -77,7 +77,8 @@ Source = Float[Tensor, "n 3"]
 Target = Float[Tensor, "m 3"]
 Pose = Float64[Tensor, "4 4"]
 """The same for a single pair."""
-Losses = Mapping[str, Float[Tensor, ""]]
+Scalar = Float[Tensor, ""]
+Losses = Mapping[str, Scalar]
 """Each term of a loss by name; what is minimised is their sum."""
 
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.diffusion.process import ddim_step, q_posterior, time_pairs
+from pcrdiff.diffusion.process import Times, Vectors, ddim_step, q_posterior, time_pairs
 from pcrdiff.diffusion.schedule import cosine_alphas_bar
 
 
@@ -26,10 +26,7 @@ class Walk:
     """Number of noises that walks start from; ``pcrdiff.models.diffused`` keeps the best answer."""
 
 
-Denoiser = Callable[
-    [Float[Tensor, "batch dim"], Int[Tensor, " batch"]],
-    Float[Tensor, "batch dim"],
-]
+Denoiser = Callable[[Vectors, Times], Vectors]
 """f_theta: predicts the clean vectors x_0 from noisy ones and their time (Eq. 15)."""
 
 

@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pcrdiff.geometry.rigid import from_parts
-from pcrdiff.geometry.rotation import vee
+from pcrdiff.geometry.rotation import Rotations, vee
 from pcrdiff.geometry.twist import hat
 
 LEAST_LEVER = 1e-6  # keeps the turn finite where several rotations are equally near
@@ -46,7 +46,7 @@ def fit_rigid(
     return from_parts(R, q_mean - (R @ p_mean.unsqueeze(-1)).squeeze(-1))
 
 
-def nearest_rotation(M: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3 3"]:
+def nearest_rotation(M: Rotations) -> Rotations:
     """The rotation R nearest to ``M`` in the Frobenius norm (special orthogonal Procrustes).
 
     An SVD's own gradient blows up where singular values are equal, as they are of every rotation.

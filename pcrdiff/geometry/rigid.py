@@ -5,28 +5,32 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from pcrdiff.geometry.rotation import matrix_from_quaternion, quaternion_from_matrix
+from pcrdiff.geometry.rotation import (
+    Rotations,
+    Vectors3,
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+)
+
+Transforms = Float[Tensor, "*batch 4 4"]
 
 TOLERANCE = 1e-6  # of the entries of R R^T of a pose that a library found
 
 
-def from_parts(
-    R: Float[Tensor, "*batch 3 3"], t: Float[Tensor, "*batch 3"]
-) -> Float[Tensor, "*batch 4 4"]:
+def from_parts(R: Rotations, t: Vectors3) -> Transforms:
     """The 4x4 transform ``x -> R x + t`` (Eq. 2)."""
     bottom = torch.tensor([0.0, 0.0, 0.0, 1.0]).to(R).expand(*R.shape[:-2], 1, 4)
     return torch.cat([torch.cat([R, t.unsqueeze(-1)], dim=-1), bottom], dim=-2)
 
 
 def transform(
-    T_target_source: Float[Tensor, "*batch 4 4"],
-    points: Float[Tensor, "*batch points 3"],
+    T_target_source: Transforms, points: Float[Tensor, "*batch points 3"]
 ) -> Float[Tensor, "*batch points 3"]:
     """Carry points from the source frame into the target frame (Eq. 3)."""
     return points @ T_target_source[..., :3, :3].mT + T_target_source[..., None, :3, 3]
 
 
-def invert(T_target_source: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 4 4"]:
+def invert(T_target_source: Transforms) -> Transforms:
     """``T_source_target``."""
     R_inverse = T_target_source[..., :3, :3].mT
     t = T_target_source[..., :3, 3]
@@ -60,13 +64,13 @@ def check_pose(who: str, pose: Float64[np.ndarray, "4 4"]) -> Float64[Tensor, "4
     return torch.from_numpy(pose)
 
 
-def pose_vector(T_target_source: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 7"]:
+def pose_vector(T_target_source: Transforms) -> Float[Tensor, "*batch 7"]:
     """``(qw, qx, qy, qz, tx, ty, tz)`` with a unit quaternion, ``qw >= 0`` (Sec. 3.5)."""
     quaternion = quaternion_from_matrix(T_target_source[..., :3, :3])
     return torch.cat([quaternion, T_target_source[..., :3, 3]], dim=-1)
 
 
-def from_pose_vector(vector: Float[Tensor, "*batch 7"]) -> Float[Tensor, "*batch 4 4"]:
+def from_pose_vector(vector: Float[Tensor, "*batch 7"]) -> Transforms:
     """Inverse of :func:`pose_vector`; the quaternion part need not have unit length.
 
     Raises:

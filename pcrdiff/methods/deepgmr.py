@@ -80,7 +80,7 @@ class DeepGMR(LearnedMethod):
         return align(self.mix(source), self.mix(target))
 
 
-def align(source: Mixture, target: Mixture) -> Float[Tensor, "batch 4 4"]:
+def align(source: Mixture, target: Mixture) -> Poses:
     """The pose under which the target's mixture explains the source's best (block M_T).
 
     A source component counts by its share, and the less the wider its counterpart is.
@@ -88,7 +88,7 @@ def align(source: Mixture, target: Mixture) -> Float[Tensor, "batch 4 4"]:
     return fit_rigid(source.means, target.means, source.shares / target.variances)
 
 
-def align_differentiably(source: Mixture, target: Mixture) -> Float[Tensor, "batch 4 4"]:
+def align_differentiably(source: Mixture, target: Mixture) -> Poses:
     """:func:`align` with a gradient that is finite wherever the pose is unique.
 
     The gradient of an SVD is not: it divides by differences of singular values. At the pose the

@@ -4,7 +4,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pcrdiff.models.attention import CrossCloudAttention
-from pcrdiff.models.refinement import Features, RefinedMethod
+from pcrdiff.models.refinement import Features, Points, RefinedMethod
 from pcrdiff.models.structure import DESCRIPTOR_DIM, describe
 
 
@@ -22,9 +22,7 @@ class EGST(RefinedMethod):
         """The attention between the clouds."""
         self.attention = CrossCloudAttention(dim=feature_dim)
 
-    def describe(
-        self, points: Float[Tensor, "batch n 3"], normals: Float[Tensor, "batch n 3"] | None
-    ) -> Float[Tensor, "batch n k 11"]:
+    def describe(self, points: Points, normals: Points | None) -> Float[Tensor, "batch n k 11"]:
         """The three descriptors of each neighbourhood."""
         return describe(points, normals, self.radius, self.neighbours)
 

@@ -12,9 +12,8 @@ nor do Sinkhorn's iterations. A registration keeps no N x M: it grows with N + M
 from dataclasses import replace
 
 import torch
-from jaxtyping import Float, Int
-from torch import Tensor
 
+from pcrdiff.diffusion.process import Times, Vectors
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.geometry.representation import RepresentationName
 from pcrdiff.models.attention import CrossCloudAttention
@@ -62,9 +61,7 @@ class PCRDiffusionCB(DiffusedMethod[Matchable]):
             source, target, source_features, target_features, *self.annealing(source, target)
         )
 
-    def condition(
-        self, x_t: Float[Tensor, "batch entries"], t: Int[Tensor, " batch"], encoded: Matchable
-    ) -> Matchable:
+    def condition(self, x_t: Vectors, t: Times, encoded: Matchable) -> Matchable:
         """The features after cross-attention, conditioned on the noisy pose.
 
         F_t joins the source's features before the transformer: after it, an offset that all
@@ -78,9 +75,7 @@ class PCRDiffusionCB(DiffusedMethod[Matchable]):
             target_features=self.attention(target_features, source_features),
         )
 
-    def denoise(
-        self, x_t: Float[Tensor, "batch entries"], t: Int[Tensor, " batch"], encoded: Matchable
-    ) -> Float[Tensor, "batch entries"]:
+    def denoise(self, x_t: Vectors, t: Times, encoded: Matchable) -> Vectors:
         """f_theta: predict G_0 from G_t, by the pose that fits the matches (Eq. 1)."""
         return self.space.encode(self.condition(x_t, t, encoded).fit(self.sinkhorn_iterations))
 

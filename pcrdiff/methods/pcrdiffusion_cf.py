@@ -1,9 +1,10 @@
 """PCRDiffusion, correspondence-free: the paper's Fig. 2 and Algorithms 1-2."""
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
+from pcrdiff.diffusion.process import Times, Vectors
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.geometry.representation import RepresentationName
 from pcrdiff.geometry.rigid import transform
@@ -46,9 +47,7 @@ class PCRDiffusionCF(DiffusedMethod[Encoded]):
         """The global feature of each cloud."""
         return self.encoder(source), self.encoder(target)
 
-    def denoise(
-        self, x_t: Float[Tensor, "batch entries"], t: Int[Tensor, " batch"], encoded: Encoded
-    ) -> Float[Tensor, "batch entries"]:
+    def denoise(self, x_t: Vectors, t: Times, encoded: Encoded) -> Vectors:
         """f_theta: predict G_0 from G_t, as a step that the head takes."""
         fused = fuse(self.fusion, self.pose_encoder(x_t, t), *encoded)
         return self.space.step(self.head(fused))

@@ -4,7 +4,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from pcrdiff.models.refinement import RefinedMethod
+from pcrdiff.models.refinement import Points, RefinedMethod
 from pcrdiff.models.structure import PAIR_DIM, describe_pairs
 
 
@@ -14,9 +14,7 @@ class RPMNet(RefinedMethod):
     name = "rpmnet"
     descriptor_dim = PAIR_DIM
 
-    def describe(
-        self, points: Float[Tensor, "batch n 3"], normals: Float[Tensor, "batch n 3"] | None
-    ) -> Float[Tensor, "batch n k 10"]:
+    def describe(self, points: Points, normals: Points | None) -> Float[Tensor, "batch n k 10"]:
         """The pair features of each neighbourhood."""
         return describe_pairs(points, normals, self.radius, self.neighbours)
 

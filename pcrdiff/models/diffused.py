@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from typing import Generic, TypeVar
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.diffusion.process import corrupt
+from pcrdiff.diffusion.process import Times, Vectors, corrupt
 from pcrdiff.diffusion.sampling import Walk, sample
 from pcrdiff.diffusion.schedule import cosine_alphas_bar
 from pcrdiff.geometry.neighbors import nearest
@@ -39,14 +39,12 @@ class DiffusedMethod(LearnedMethod, Generic[Encoded]):
         """What the network reads from the clouds alone, for every step of every walk."""
 
     @abstractmethod
-    def denoise(
-        self, x_t: Float[Tensor, "batch dim"], t: Int[Tensor, " batch"], encoded: Encoded
-    ) -> Float[Tensor, "batch dim"]:
+    def denoise(self, x_t: Vectors, t: Times, encoded: Encoded) -> Vectors:
         """f_theta: predict G_0 from G_t."""
 
     def corrupt(
         self, pairs: Pairs, *, generator: torch.Generator
-    ) -> tuple[Float[Tensor, "batch dim"], Float[Tensor, "batch dim"], Int[Tensor, " batch"]]:
+    ) -> tuple[Vectors, Vectors, Times]:
         """The true pose G_0 of each pair, a noisy G_t, and its time (Algorithm 1)."""
         x_0 = self.space.encode(pairs.T_target_source).to(pairs.source)
         return x_0, *corrupt(x_0, self.alphas_bar, generator=generator)
@@ -70,20 +68,14 @@ class DiffusedMethod(LearnedMethod, Generic[Encoded]):
         The choice does not use the true pose: see :func:`misfit`.
         """
 
-        def denoise(
-            x_t: Float[Tensor, "batch dim"], t: Int[Tensor, " batch"]
-        ) -> Float[Tensor, "batch dim"]:
+        def denoise(x_t: Vectors, t: Times) -> Vectors:
             return self.denoise(x_t.to(source), t, encoded)
 
         found = sample(denoise, len(source), self.space.dim, walk, generator=generator)
         return best_fit([self.space.decode(x_0) for x_0 in found], source, target)
 
 
-def best_fit(
-    poses: Sequence[Float[Tensor, "batch 4 4"]],
-    source: Float[Tensor, "batch n 3"],
-    target: Float[Tensor, "batch m 3"],
-) -> Float[Tensor, "batch 4 4"]:
+def best_fit(poses: Sequence[Poses], source: Sources, target: Targets) -> Poses:
     """Of several answers to each pair the one with the least misfit; the first of equals."""
     if len(poses) == 1:
         return poses[0]
@@ -91,9 +83,7 @@ def best_fit(
     return torch.stack(list(poses))[misfits.argmin(dim=0), torch.arange(len(source))]
 
 
-def misfit(
-    moved: Float[Tensor, "batch n 3"], target: Float[Tensor, "batch m 3"]
-) -> Float[Tensor, " batch"]:
+def misfit(moved: Sources, target: Targets) -> Float[Tensor, " batch"]:
     """Mean distance to the nearest point of the other cloud, over the closest half of both.
 
     The further half is left out: it may be what the other cloud does not show.

@@ -42,11 +42,7 @@ class LucasKanadeMethod(LearnedMethod):
 
 
 def align(
-    encoder: PointNet,
-    source: Float[Tensor, "batch n 3"],
-    target: Float[Tensor, "batch m 3"],
-    difference: float,
-    updates: int,
+    encoder: PointNet, source: Sources, target: Targets, difference: float, updates: int
 ) -> list[Float64[Tensor, "batch 4 4"]]:
     """Move the source until its feature is the target's, by Gauss-Newton on the twist.
 
@@ -85,10 +81,7 @@ def align(
 
 
 def pose_jacobian(
-    encoder: PointNet,
-    cloud: Float[Tensor, "batch n 3"],
-    features: Float[Tensor, "batch dim"],
-    difference: float,
+    encoder: PointNet, cloud: Sources, features: Float[Tensor, "batch dim"], difference: float
 ) -> Float[Tensor, "batch dim 6"]:
     """Derivative of ``features``, the cloud's, by the twist that moves it.
 

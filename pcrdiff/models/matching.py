@@ -13,6 +13,7 @@ from pcrdiff.geometry.rigid import from_parts
 from pcrdiff.models.mlp import he_layers
 from pcrdiff.models.pointnet import PointNet
 from pcrdiff.models.sinkhorn import sinkhorn, sinkhorn_product
+from pcrdiff.registration import Poses, Sources, Targets
 
 LEAST_WEIGHT = 1e-5  # RPM-Net's; next to a sum of matches, which is about 1
 
@@ -26,7 +27,7 @@ class AnnealingNet(nn.Module):
         self.head = nn.Sequential(*he_layers(1024, (512, 256)), nn.Linear(256, 2))
 
     def forward(
-        self, source: Float[Tensor, "batch n 3"], target: Float[Tensor, "batch m 3"]
+        self, source: Sources, target: Targets
     ) -> tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]]:
         """(alpha, beta), both positive, one of each per pair."""
         flagged = torch.cat([pad(source, (0, 1), value=0.0), pad(target, (0, 1), value=1.0)], 1)
@@ -38,8 +39,8 @@ class AnnealingNet(nn.Module):
 class Matchable:
     """Two clouds and what their soft matches are made of."""
 
-    source: Float[Tensor, "batch n 3"]
-    target: Float[Tensor, "batch m 3"]
+    source: Sources
+    target: Targets
     source_features: Float[Tensor, "batch n dim"]
     target_features: Float[Tensor, "batch m dim"]
     alpha: Float[Tensor, " batch"]
@@ -67,7 +68,7 @@ class Matchable:
         """:func:`sinkhorn` of the scores, all of them at once."""
         return sinkhorn(self.scores(), iterations)
 
-    def fit(self, iterations: int) -> Float[Tensor, "batch 4 4"]:
+    def fit(self, iterations: int) -> Poses:
         """:func:`fit_matches` of :meth:`matches`; without a graph, in memory linear in N + M."""
         n, m = self.source.shape[1], self.target.shape[1]
         if torch.is_grad_enabled() or n * m <= BLOCK:
@@ -79,11 +80,7 @@ class Matchable:
         return _fit_sums(self.source, middle, sums[..., :3], sums[..., 3])
 
 
-def fit_matches(
-    source: Float[Tensor, "batch n 3"],
-    target: Float[Tensor, "batch m 3"],
-    matches: Float[Tensor, "batch n m"],
-) -> Float[Tensor, "batch 4 4"]:
+def fit_matches(source: Sources, target: Targets, matches: Float[Tensor, "batch n m"]) -> Poses:
     """T_target_source that carries each source point to the mean of its matches, by their weight.
 
     Yew & Lee 2020, Eqs. 4-5. A point that matches nothing has no weight.
@@ -93,11 +90,11 @@ def fit_matches(
 
 
 def _fit_sums(
-    source: Float[Tensor, "batch n 3"],
+    source: Sources,
     middle: Float[Tensor, "batch 1 3"],
-    pulls: Float[Tensor, "batch n 3"],
+    pulls: Sources,
     weights: Float[Tensor, "batch n"],
-) -> Float[Tensor, "batch 4 4"]:
+) -> Poses:
     """:func:`fit_matches`, given the rows' sums: of the matches, and of those times the target.
 
     The target counts from its ``middle``: where a cloud lies should cost its shape no digits.

@@ -43,11 +43,11 @@ class PointerMethod(LearnedMethod):
 
 
 def fit_pointers(
-    source: Float[Tensor, "batch n 3"],
-    target: Float[Tensor, "batch m 3"],
+    source: Sources,
+    target: Targets,
     source_features: Float[Tensor, "batch n dim"],
     target_features: Float[Tensor, "batch m dim"],
-) -> Float[Tensor, "batch 4 4"]:
+) -> Poses:
     """T_target_source that carries each source point to where it points among the target's.
 
     Wang & Solomon 2019 (DCP), Eqs. 10-15: a softmax over the target's points of the scaled dot

@@ -13,15 +13,13 @@ from pcrdiff.models.matching import AnnealingNet, Matchable, fit_matches
 from pcrdiff.models.structure import StructureEmbedding, move
 from pcrdiff.registration import LearnedMethod, Losses, Normals, Pairs, Poses, Sources, Targets
 
+Points = Float[Tensor, "batch n 3"]
 SINKHORN_ITERATIONS = 5  # RPM-Net's
 
-Steps = list[tuple[Float[Tensor, "batch 4 4"], Float[Tensor, "batch n m"]]]
+Steps = list[tuple[Poses, Float[Tensor, "batch n m"]]]
 """The pose and the matches it was fitted to, of each update."""
 
-Matcher = Callable[
-    [Float[Tensor, "batch 4 4"], Float[Tensor, "batch n 3"], Float[Tensor, "batch m 3"]],
-    Float[Tensor, "batch n m"],
-]
+Matcher = Callable[[Poses, Sources, Targets], Float[Tensor, "batch n m"]]
 """The pose so far, the source under it and the target, to matches; all from the target's mean."""
 
 Features = tuple[Float[Tensor, "batch n dim"], Float[Tensor, "batch m dim"]]
@@ -58,9 +56,7 @@ class RefinedMethod(LearnedMethod):
         """Make the layers that :meth:`relate` needs, between the embedding and the annealing."""
 
     @abstractmethod
-    def describe(
-        self, points: Float[Tensor, "batch n 3"], normals: Float[Tensor, "batch n 3"] | None
-    ) -> Float[Tensor, "batch n k dim"]:
+    def describe(self, points: Points, normals: Points | None) -> Float[Tensor, "batch n k dim"]:
         """Each point's neighbourhood, once per cloud: a motion is :func:`move`."""
 
     def embed(self, descriptors: Float[Tensor, "batch n k dim"]) -> Float[Tensor, "batch n d"]:
@@ -85,11 +81,7 @@ class RefinedMethod(LearnedMethod):
         source_descriptors = self.describe(p, p_normals)
         target_features = self.embed(self.describe(q, q_normals))
 
-        def match(
-            T: Float[Tensor, "batch 4 4"],
-            moved: Float[Tensor, "batch n 3"],
-            fixed: Float[Tensor, "batch m 3"],
-        ) -> Float[Tensor, "batch n m"]:
+        def match(T: Poses, moved: Sources, fixed: Targets) -> Float[Tensor, "batch n m"]:
             annealed = self.annealing(moved, fixed)
             features = self.relate(self.embed(move(source_descriptors, T)), target_features)
             return Matchable(moved, fixed, *features, *annealed).matches(SINKHORN_ITERATIONS)
@@ -109,7 +101,7 @@ class RefinedMethod(LearnedMethod):
 
 def split_normals(
     who: str, cloud: Float[Tensor, "batch n channels"], normals: Normals
-) -> tuple[Float[Tensor, "batch n 3"], Float[Tensor, "batch n 3"] | None]:
+) -> tuple[Points, Points | None]:
     """Points, and their unit normals where these are given.
 
     Raises:
@@ -123,12 +115,7 @@ def split_normals(
     return cloud[..., :3], cloud[..., 3:] if normals == "given" else None
 
 
-def refine(
-    source: Float[Tensor, "batch n 3"],
-    target: Float[Tensor, "batch m 3"],
-    match: Matcher,
-    updates: int,
-) -> Steps:
+def refine(source: Sources, target: Targets, match: Matcher, updates: int) -> Steps:
     """T_target_source and the matches after each update.
 
     The first update sees the clouds with their means in one place. Each pose is fitted to the
