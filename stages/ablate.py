@@ -38,8 +38,8 @@ def main(argv: list[str] | None = None) -> None:
     params = read_params()
     wanted = {path: pick(ABLATIONS, path.stem, "ablation") for path in args.answers}
     settle(params.threads, params.search_precision)
-    told = {"search_precision": search_precision(), "scenario": params.ablation.scenario}
-    with journal(params=told, inputs=[args.pairs]) as notes:
+    noted = {"search_precision": search_precision(), "scenario": params.ablation.scenario}
+    with journal(params=noted, inputs=[args.pairs]) as notes:
         for path, ablate in wanted.items():
             test, answers = ablate(Given(params, args.pairs, args.models))
             write_ablation(path, test, answers)
@@ -131,8 +131,8 @@ def walks_of(params: Params, draws: int) -> dict[str, tuple[Diffusion, int]]:
     sampling = params.ablation.sampling
     walks = {}
     for sampler, steps in product(sampling.samplers, params.ablation.steps):
-        told = {"steps": steps, "sampler": sampler, "hypotheses": 1}
-        walk = params.diffusion.model_copy(update=told)
+        varied = {"steps": steps, "sampler": sampler, "hypotheses": 1}
+        walk = params.diffusion.model_copy(update=varied)
         for draw in range(draws):
             again = f",draw={draw}" if draw else ""
             walks[f"steps={steps},sampler={sampler}{again}"] = walk, draw

@@ -31,8 +31,8 @@ def main(argv: list[str] | None = None) -> None:
     params = read_params()
     settle(params.threads, params.search_precision)
     scenario = params.ablation.scenario
-    told = params.ablation.walk.model_dump() | {"search_precision": search_precision()}
-    with journal(params=told, inputs=[args.pairs]):
+    noted = params.ablation.walk.model_dump() | {"search_precision": search_precision()}
+    with journal(params=noted, inputs=[args.pairs]):
         for method in params.ablation.methods:
             weights = args.models / method / scenario / WEIGHTS
             walks = follow_walks(params, method, args.pairs, weights)

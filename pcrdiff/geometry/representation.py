@@ -1,8 +1,8 @@
 """Ways to write a pose as a vector: what Table 4 diffuses, and more.
 
-Each is a number of entries, a way there and a way back. The way back takes any vector, so that a
-network may answer with any; ``tidy`` is the vector of a pose that stands for it where that is a
-matter of scale (a quaternion of unit length), and the vector itself elsewhere.
+Each has a dimension, an encoder and a decoder; the decoder accepts any vector, so that a network
+may answer with any. ``tidy`` rescales a vector to that of a pose where only the scale is wrong (a
+quaternion not of unit length), and leaves it alone elsewhere.
 """
 
 from collections.abc import Callable

@@ -9,7 +9,7 @@ from pcrdiff.models.structure import PAIR_DIM, describe_pairs
 
 
 class RPMNet(RefinedMethod):
-    """Point pair features, embedded as unit vectors; 96 entries by the authors."""
+    """Point pair features, mapped to unit vectors, which have 96 entries by the authors."""
 
     name = "rpmnet"
     descriptor_dim = PAIR_DIM

@@ -67,7 +67,7 @@ class TrimmedICP(PairwiseMethod):
 def _nearest(
     source: Float64[Tensor, "n 3"], tree: cKDTree, T: Pose, keep: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of the ``keep`` points that ``T`` lays nearest to the target: index, match and distance."""
+    """Index, match and distance of the ``keep`` points that ``T`` lays nearest to the target."""
     answer = tree.query(transform(T, source).numpy())
     distances, matches = np.asarray(answer[0]), np.asarray(answer[1])
     kept = np.argsort(distances, kind="stable")[:keep]

@@ -25,7 +25,7 @@ class DiffusedMethod(LearnedMethod, Generic[Encoded]):
     """A network that predicts the clean pose G_0 from a noisy one, and the walk through it."""
 
     def __init__(self, walk: Walk, representation: RepresentationName, scaling: Scaling) -> None:
-        """``walk`` is what ``register`` follows; the others say what is diffused."""
+        """``register`` follows ``walk``; the others define what is diffused."""
         super().__init__()
         self.space = PoseSpace(representation, scaling)
         self.walk, self.alphas_bar = walk, cosine_alphas_bar(walk.timesteps)

@@ -25,8 +25,8 @@ def diffusion_loss(
 def chamfer_loss(moved: Sources, target: Targets) -> Scalar:
     """Mean squared distance to the nearest point, both ways, mean over the batch (Eq. 16).
 
-    Which point is the nearest is found without a graph: the gradient of a minimum passes through
-    the point that attains it, and through no other.
+    The nearest point is found without a graph: the gradient of a minimum passes through the
+    point that attains it, and through no other.
     """
     forward = (moved - _nearest(moved.detach(), target)).square().sum(dim=-1)
     backward = (target - _nearest(target, moved)).square().sum(dim=-1)
@@ -100,7 +100,7 @@ def matching_losses(
 def nearest_distance(queries: Sources, points: Targets) -> Scalar:
     """Mean distance from a query to its nearest point, mean over the batch.
 
-    One way of :func:`chamfer_loss`, and not squared. Within ``ROUND`` the gradient fades.
+    One direction of :func:`chamfer_loss`, not squared. Within ``ROUND`` the gradient fades.
     """
     squares = (queries - _nearest(queries.detach(), points)).square().sum(dim=-1)
     return (squares + ROUND**2).sqrt().mean()

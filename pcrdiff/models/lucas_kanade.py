@@ -24,7 +24,8 @@ class LucasKanadeMethod(LearnedMethod):
     ) -> None:
         """The authors' numbers: a feature of 1024, 10 updates in training.
 
-        ``difference`` of the Jacobian's finite differences: theirs is 0.01, 0.1 reaches further.
+        ``difference`` is the step of the Jacobian's finite differences: theirs is 0.01; 0.1 reaches
+        further.
         """
         super().__init__()
         self.encoder = PointNet((64, 64, 64, 128, feature_dim))
@@ -54,7 +55,7 @@ def align(
         encoder: Gives a cloud its feature.
         source: The cloud that moves.
         target: The cloud that stays.
-        difference: Of the Jacobian's finite differences; see :func:`pose_jacobian`.
+        difference: Step of the Jacobian's finite differences; see :func:`pose_jacobian`.
         updates: The most that are made.
 
     Returns:
