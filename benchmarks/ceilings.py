@@ -10,8 +10,8 @@ from benchmarks.effort import Effort
 from benchmarks.measuring import Summary, alternate, summarise
 from pcrdiff.geometry.precision import multiplies_in_bfloat16
 from pcrdiff.models.losses import chamfer_loss
-from pcrdiff.models.matching import sinkhorn
 from pcrdiff.models.pointnet import PointNet
+from pcrdiff.models.sinkhorn import sinkhorn
 from pcrdiff.models.structure import DESCRIPTOR_DIM, StructureEmbedding
 from pipeline.formats.benchmarks import Ceiling
 
@@ -128,7 +128,7 @@ def cf_loops(effort: Effort) -> Iterable[Work]:
 def cb_loops(n: int) -> Iterable[Work]:
     """What CB repeats in every step, on clouds of ``n`` points."""
     generator = torch.Generator().manual_seed(1)
-    embedding = StructureEmbedding(dim=DIM)
+    embedding = StructureEmbedding(DIM, DESCRIPTOR_DIM)
     descriptors = torch.rand(1, n, NEIGHBOURS, DESCRIPTOR_DIM, generator=generator)
     yield Work(
         "CB, embedding of one cloud",

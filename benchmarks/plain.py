@@ -19,8 +19,8 @@ from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.models.attention import CrossCloudAttention
-from pcrdiff.models.fusion import fuse
 from pcrdiff.models.losses import diffusion_loss, matching_losses, pose_loss
+from pcrdiff.models.pose_encoder import fuse
 from pcrdiff.registration import Pairs
 
 Losses = Mapping[str, Float[Tensor, ""]]

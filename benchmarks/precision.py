@@ -53,7 +53,7 @@ def trained_error(params: Params, splits: Mapping[str, Pairs], seed: int) -> tup
     """Steps, and the mean rotation error in degrees on the test pairs, of one training of CF."""
     torch.manual_seed(seed)
     network = build_untrained(METHOD, params.methods, params.diffusion)
-    optimisation = params.train.pcrdiffusion_cf.model_dump()
+    optimisation = getattr(params.train, METHOD).model_dump()
     budget = Budget(params.epochs(SCENARIO, METHOD), **optimisation)
     made = params.scenarios[SCENARIO]
     fresh = FreshPoses(made.max_rotation, made.max_translation)

@@ -1,9 +1,9 @@
 """The project's nouns: what is registered, and who registers it."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal, Protocol, runtime_checkable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import torch
 from jaxtyping import Float, Float64, Int64
@@ -36,27 +36,18 @@ class Pairs:
     def select(self, index: Int64[Tensor, " chosen"]) -> "Pairs":
         """The pairs at ``index``, in its order."""
         group = tuple(self.group[i] for i in index.tolist())
-        normals = (self.source_normals, self.target_normals)
-        return Pairs(
-            self.source[index],
-            self.target[index],
-            self.T_target_source[index],
-            self.item[index],
-            group,
-            *(None if each is None else each[index] for each in normals),
-        )
+        chosen = self._each(lambda values: values[index])
+        return replace(self, item=self.item[index], group=group, **chosen)
 
     def to(self, device: torch.device) -> "Pairs":
         """The same pairs on a device; ``item`` stays where it is."""
-        normals = (self.source_normals, self.target_normals)
-        return Pairs(
-            self.source.to(device),
-            self.target.to(device),
-            self.T_target_source.to(device),
-            self.item,
-            self.group,
-            *(None if each is None else each.to(device) for each in normals),
-        )
+        return replace(self, **self._each(lambda values: values.to(device)))
+
+    def _each(self, change: Callable[[Tensor], Tensor]) -> dict[str, Any]:
+        """The changed poses, clouds and normals by their names, where there are any."""
+        names = ("source", "target", "T_target_source", "source_normals", "target_normals")
+        values = {name: getattr(self, name) for name in names}
+        return {name: change(value) for name, value in values.items() if value is not None}
 
     def clouds(
         self, normals: Normals
@@ -76,56 +67,78 @@ class Pairs:
         )
 
 
-@runtime_checkable
-class Method(Protocol):
+Sources = Float[Tensor, "batch n channels"]
+"""The clouds that move: 3 channels, or 6 with unit normals for a method that is given normals."""
+Targets = Float[Tensor, "batch m channels"]
+"""The clouds that stay, with the same channels."""
+Poses = Float[Tensor, "batch 4 4"]
+"""Their T_target_source."""
+Source = Float[Tensor, "n 3"]
+Target = Float[Tensor, "m 3"]
+Pose = Float64[Tensor, "4 4"]
+"""The same for a single pair."""
+Scalar = Float[Tensor, ""]
+Losses = Mapping[str, Scalar]
+"""Each term of a loss by name; what is minimised is their sum."""
+
+
+class Method(ABC):
     """One row of the results table."""
-
-    name: str
-
-    def register(
-        self,
-        source: Float[Tensor, "batch n channels"],
-        target: Float[Tensor, "batch m channels"],
-        *,
-        generator: torch.Generator,
-    ) -> Float[Tensor, "batch 4 4"]:
-        """Estimate T_target_source.
-
-        Args:
-            source: The cloud that moves: 3 channels, or 6 with unit normals for a method whose
-                attribute ``normals`` is ``given``.
-            target: The cloud that stays, alike.
-            generator: Source of randomness.
-
-        Raises:
-            ValueError: A cloud is empty, too small for the method, or not finite.
-        """
-        ...
-
-
-class LearnedMethod(nn.Module, ABC):
-    """A method with weights: ``training`` minimises the sum of its ``loss`` terms."""
 
     name: str
     normals: Normals = "estimated"
     """Whether its clouds come with the data set's normals; see ``Pairs.clouds``."""
+    least_points: int = 3
+    """The number of distinct points that a cloud needs."""
+
+    def register(self, source: Sources, target: Targets, *, generator: torch.Generator) -> Poses:
+        """Estimate T_target_source, without a gradient.
+
+        Args:
+            source: The clouds that move.
+            target: The clouds that stay.
+            generator: Source of randomness.
+
+        Raises:
+            ValueError: A cloud is empty, too small for the method, or not finite, or the method
+                found no pose.
+            RuntimeError: A library that the method calls has failed.
+        """
+        check_clouds(self.name, source, target, self.least_points)
+        with torch.no_grad():
+            return self.answer(source, target, generator=generator)
+
+    @abstractmethod
+    def answer(self, source: Sources, target: Targets, *, generator: torch.Generator) -> Poses:
+        """What :meth:`register` returns for clouds that have passed its checks."""
+
+
+class PairwiseMethod(Method):
+    """A method that answers one pair after the other."""
+
+    def answer(self, source: Sources, target: Targets, *, generator: torch.Generator) -> Poses:
+        """The answer to each pair; all draw from one generator."""
+        pairs = zip(source, target, strict=True)
+        return torch.stack([self.answer_pair(p, q, generator=generator) for p, q in pairs])
+
+    @abstractmethod
+    def answer_pair(self, source: Source, target: Target, *, generator: torch.Generator) -> Pose:
+        """Estimate T_target_source of one pair.
+
+        Raises:
+            ValueError: The method found no pose.
+        """
+
+
+class LearnedMethod(nn.Module, Method):
+    """A method with weights: ``training`` minimises the sum of its ``loss`` terms."""
 
     def prepare(self, pairs: Pairs) -> None:
         """Take from the training pairs what no gradient teaches, before the first step."""
 
     @abstractmethod
-    def register(
-        self,
-        source: Float[Tensor, "batch n channels"],
-        target: Float[Tensor, "batch m channels"],
-        *,
-        generator: torch.Generator,
-    ) -> Float[Tensor, "batch 4 4"]:
-        """Estimate T_target_source; see :class:`Method`."""
-
-    @abstractmethod
-    def loss(self, pairs: Pairs, *, generator: torch.Generator) -> Mapping[str, Float[Tensor, ""]]:
-        """Each term of the loss by name; what is minimised is their sum."""
+    def loss(self, pairs: Pairs, *, generator: torch.Generator) -> Losses:
+        """The terms of the loss on a batch of pairs."""
 
 
 def check_clouds(

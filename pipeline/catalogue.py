@@ -1,47 +1,31 @@
-"""From params and weights to methods: the one place that knows all of their names.
+"""From params and weights to the methods of ``pipeline.settings.methods.CATALOGUE``.
 
-Open3D is imported only where a method asks for it; it takes a second that training can spare.
+A method's module is imported when it is built: Open3D takes a second that training can spare.
 """
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 from pcrdiff.diffusion.sampling import Walk
-from pcrdiff.methods.constant import Constant
-from pcrdiff.methods.dcp_v1 import DCPv1
-from pcrdiff.methods.dcp_v2 import DCPv2
-from pcrdiff.methods.deepgmr import DeepGMR
-from pcrdiff.methods.egst import EGST
-from pcrdiff.methods.fmr import FMR
-from pcrdiff.methods.identity import Identity
-from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
-from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
-from pcrdiff.methods.pcrnet import PCRNet
-from pcrdiff.methods.pointnetlk import PointNetLK
-from pcrdiff.methods.rpmnet import RPMNet
 from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.weights import read_weights
 from pipeline.settings.methods import AnyLearned, Methods
-from pipeline.settings.params import DIFFUSED, Diffusion, Params
+from pipeline.settings.params import DIFFUSED, Diffusion, Params, classical_names, learned_names
 from pipeline.settings.sections import Section, SettingName
 from pipeline.settings.variants import AS_IT_IS, Variant
 
-LEARNED: Mapping[str, Callable[..., LearnedMethod]] = {
-    "pointnetlk": PointNetLK,
-    "pcrnet": PCRNet,
-    "deepgmr": DeepGMR,
-    "dcp_v1": DCPv1,
-    "dcp_v2": DCPv2,
-    "fmr": FMR,
-    "rpmnet": RPMNet,
-    "egst": EGST,
-    "pcrdiffusion_cf": PCRDiffusionCF,
-    "pcrdiffusion_cb": PCRDiffusionCB,
-}
+if TYPE_CHECKING:
+    from pcrdiff.models.diffused import DiffusedMethod
 
-Diffused = PCRDiffusionCF | PCRDiffusionCB
-"""The methods that walk a pose back from noise."""
+
+def method_class(name: str) -> Callable[..., Any]:
+    """The class of that ``name`` in ``pcrdiff/methods/<name>.py``."""
+    found = vars(import_module(f"pcrdiff.methods.{name}")).values()
+    made: Callable[..., Any] = next(each for each in found if getattr(each, "name", None) == name)
+    return made
 
 
 def settings_of(name: str, methods: Methods) -> list[SettingName]:
@@ -66,8 +50,8 @@ def build_learned(
         ValueError: No such method, or the variant has a key that its network has not.
     """
     section = _section(name, methods)
-    setting_told = section.settings[setting].model_dump()
-    return _build(name, {**_network(name, section, variant), **setting_told}, diffusion)
+    given = {**_network(name, section, variant), **section.settings[setting].model_dump()}
+    return _build(name, given, diffusion)
 
 
 def build_untrained(
@@ -75,33 +59,34 @@ def build_untrained(
 ) -> LearnedMethod:
     """A learned method to be trained; it validates with as many updates as it trains with.
 
-    Which settings evaluation has must not choose other weights.
+    The number is fixed, so that evaluation settings cannot influence model selection.
 
     Raises:
         ValueError: No such method, or the variant has a key that its network has not.
     """
-    told = _network(name, _section(name, methods), variant)
-    if "train_updates" in told:
-        told["updates"] = told["train_updates"]
-    return _build(name, told, diffusion)
+    given = _network(name, _section(name, methods), variant)
+    if "train_updates" in given:
+        given["updates"] = given["train_updates"]
+    return _build(name, given, diffusion)
 
 
 def _network(name: str, section: AnyLearned, variant: Variant) -> dict[str, object]:
-    told = dict(section.network.model_dump())
-    unknown = sorted(set(variant) - set(told))
+    given = dict(section.network.model_dump())
+    unknown = sorted(set(variant) - set(given))
     if unknown:
         raise ValueError(f"the network of {name} has no {', '.join(unknown)} to vary")
-    return {**told, **variant}
+    return {**given, **variant}
 
 
-def _build(name: str, told: dict[str, object], diffusion: Diffusion) -> LearnedMethod:
+def _build(name: str, given: dict[str, object], diffusion: Diffusion) -> LearnedMethod:
     if name in DIFFUSED:
-        told["walk"] = Walk(**diffusion.model_dump())
-    return LEARNED[name](**told)
+        given["walk"] = Walk(**diffusion.model_dump())
+    method: LearnedMethod = method_class(name)(**given)
+    return method
 
 
 def _section(name: str, methods: Methods) -> AnyLearned:
-    if name not in LEARNED:
+    if name not in learned_names():
         raise ValueError(f"no learned method is called {name!r}")
     section: AnyLearned = getattr(methods, name)
     return section
@@ -115,51 +100,13 @@ def build_classical(
     Raises:
         ValueError: No such method.
     """
-    sections: Mapping[str, Section] = getattr(methods, name, {})
+    if name not in classical_names():
+        raise ValueError(f"no classical method is called {name!r}")
+    sections: Mapping[str, Section] = getattr(methods, name)
+    make = method_class(name)
     if name == "constant":
-        mean = Constant(train().T_target_source)
-        return dict.fromkeys(sections, mean)
-    make = _classical(name)
+        return dict.fromkeys(sections, make(train().T_target_source))
     return {setting: make(**given.model_dump()) for setting, given in sections.items()}
-
-
-def _classical(name: str) -> Callable[..., Method]:  # noqa: C901 - a case a method, no branches
-    match name:
-        case "identity":
-            return Identity
-        case "icp_centroid":
-            from pcrdiff.methods.icp_centroid import ICPCentroid
-
-            return ICPCentroid
-        case "icp":
-            from pcrdiff.methods.icp import ICP
-
-            return ICP
-        case "trimmed_icp":
-            from pcrdiff.methods.trimmed_icp import TrimmedICP
-
-            return TrimmedICP
-        case "gicp":
-            from pcrdiff.methods.gicp import GICP
-
-            return GICP
-        case "fgr":
-            from pcrdiff.methods.fgr import FGR
-
-            return FGR
-        case "ransac_fpfh":
-            from pcrdiff.methods.ransac_fpfh import RansacFPFH
-
-            return RansacFPFH
-        case "small_gicp":
-            from pcrdiff.methods.small_gicp import SmallGICP
-
-            return SmallGICP
-        case "kiss_matcher":
-            from pcrdiff.methods.kiss_matcher import KISSMatcher
-
-            return KISSMatcher
-    raise ValueError(f"no classical method is called {name!r}")
 
 
 def load_settings(
@@ -199,14 +146,16 @@ def load_learned(
     return method.eval()
 
 
-def load_diffused(name: str, methods: Methods, diffusion: Diffusion, weights: Path) -> Diffused:
+def load_diffused(
+    name: str, methods: Methods, diffusion: Diffusion, weights: Path
+) -> "DiffusedMethod[Any]":
     """A trained method that walks back from noise.
 
     Raises:
         FileNotFoundError, ValueError: The weights are not there, or are those of another network,
             or the method does not walk.
     """
-    method = load_learned(name, "paper", methods, diffusion, weights)
-    if not isinstance(method, Diffused):
+    if name not in DIFFUSED:
         raise ValueError(f"{name} does not walk back from noise")
-    return method
+    method = load_learned(name, "paper", methods, diffusion, weights)
+    return cast("DiffusedMethod[Any]", method)

@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.evaluation import Estimates
 from pcrdiff.geometry.precision import search_precision
-from pcrdiff.registration import Pairs
+from pcrdiff.models.diffused import DiffusedMethod
+from pcrdiff.registration import Method, Pairs, Poses, Sources, Targets
 from pipeline.answering import answer, answer_all
-from pipeline.catalogue import Diffused, load_diffused, load_learned
+from pipeline.catalogue import load_diffused, load_learned
 from pipeline.compute.machine import settle
 from pipeline.formats.answers import write_ablation
 from pipeline.formats.pairs import read_pairs
@@ -38,8 +38,8 @@ def main(argv: list[str] | None = None) -> None:
     params = read_params()
     wanted = {path: pick(ABLATIONS, path.stem, "ablation") for path in args.answers}
     settle(params.threads, params.search_precision)
-    told = {"search_precision": search_precision(), "scenario": params.ablation.scenario}
-    with journal(params=told, inputs=[args.pairs]) as notes:
+    noted = {"search_precision": search_precision(), "scenario": params.ablation.scenario}
+    with journal(params=noted, inputs=[args.pairs]) as notes:
         for path, ablate in wanted.items():
             test, answers = ablate(Given(params, args.pairs, args.models))
             write_ablation(path, test, answers)
@@ -74,49 +74,36 @@ class Given:
         walk, _ = next(iter(walks.values()))
         method = EncodesOnce(load_diffused(name, self.params.methods, walk, weights))
         drawn = {
-            setting: (Walker(name, method, Walk(**walk.model_dump())), draw)
+            setting: (Walker(method, Walk(**walk.model_dump())), draw)
             for setting, (walk, draw) in walks.items()
         }
         return answer_all(self.params, drawn, test)
 
 
 class EncodesOnce:
-    """A method that remembers how it encoded the pair that it was shown last."""
+    """A trained method that keeps what it encoded of the last pair, for several walks."""
 
-    def __init__(self, method: Diffused) -> None:
+    def __init__(self, method: DiffusedMethod[Any]) -> None:
         self.method, self._last = method, tuple[Any, ...]()
 
     def encode(self, source: Tensor, target: Tensor) -> Any:  # noqa: ANN401  the method's own
-        """As the method does; these very tensors only once."""
+        """As the method does; the same two tensors only once."""
         if not self._last or self._last[0] is not source or self._last[1] is not target:
-            encode = type(self.method).encode
-            self._last = source, target, encode(self.method, source, target)  # type: ignore[arg-type]
+            self._last = source, target, self.method.encode(source, target)
         return self._last[2]
 
 
-@dataclass
-class Walker:
+class Walker(Method):
     """A trained method under one of several walks that share what it encodes."""
 
-    name: str
-    shared: EncodesOnce
-    walk: Walk
+    def __init__(self, shared: EncodesOnce, walk: Walk) -> None:
+        self.shared, self.walk = shared, walk
+        self.name, self.least_points = shared.method.name, shared.method.least_points
 
-    def register(
-        self,
-        source: Float[Tensor, "batch n 3"],
-        target: Float[Tensor, "batch m 3"],
-        *,
-        generator: torch.Generator,
-    ) -> Float[Tensor, "batch 4 4"]:
-        """As :class:`pcrdiff.registration.Method` asks."""
-        method = self.shared.method
-        method.walk = self.walk
-        method.encode = self.shared.encode  # type: ignore[method-assign]
-        try:
-            return method.register(source, target, generator=generator)
-        finally:
-            del method.encode  # what is pickled has none of this
+    def answer(self, source: Sources, target: Targets, *, generator: torch.Generator) -> Poses:
+        """Walk back from noise as the method does."""
+        method, encoded = self.shared.method, self.shared.encode(source, target)
+        return method.walk_back(encoded, source, target, self.walk, generator=generator)
 
 
 def ablate_variants(name: str, given: Given) -> tuple[Pairs, Answers]:
@@ -144,8 +131,8 @@ def walks_of(params: Params, draws: int) -> dict[str, tuple[Diffusion, int]]:
     sampling = params.ablation.sampling
     walks = {}
     for sampler, steps in product(sampling.samplers, params.ablation.steps):
-        told = {"steps": steps, "sampler": sampler, "hypotheses": 1}
-        walk = params.diffusion.model_copy(update=told)
+        varied = {"steps": steps, "sampler": sampler, "hypotheses": 1}
+        walk = params.diffusion.model_copy(update=varied)
         for draw in range(draws):
             again = f",draw={draw}" if draw else ""
             walks[f"steps={steps},sampler={sampler}{again}"] = walk, draw

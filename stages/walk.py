@@ -2,13 +2,15 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from pcrdiff.diffusion.sampling import sample
 from pcrdiff.geometry.precision import search_precision
-from pipeline.catalogue import Diffused, load_diffused
+from pcrdiff.models.diffused import DiffusedMethod
+from pipeline.catalogue import load_diffused
 from pipeline.compute.machine import settle
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.walks import Walk, write_walks
@@ -29,8 +31,8 @@ def main(argv: list[str] | None = None) -> None:
     params = read_params()
     settle(params.threads, params.search_precision)
     scenario = params.ablation.scenario
-    told = params.ablation.walk.model_dump() | {"search_precision": search_precision()}
-    with journal(params=told, inputs=[args.pairs]):
+    noted = params.ablation.walk.model_dump() | {"search_precision": search_precision()}
+    with journal(params=noted, inputs=[args.pairs]):
         for method in params.ablation.methods:
             weights = args.models / method / scenario / WEIGHTS
             walks = follow_walks(params, method, args.pairs, weights)
@@ -60,9 +62,9 @@ def follow_walks(params: Params, method: str, pairs: Path, weights: Path) -> lis
 
 @torch.no_grad()
 def follow(
-    method: Diffused, source: Tensor, target: Tensor, *, seed: int
+    method: DiffusedMethod[Any], source: Tensor, target: Tensor, *, seed: int
 ) -> tuple[tuple[int, ...], Tensor, Tensor]:
-    """Walk one pair back as ``register`` does, and keep what it passes.
+    """Walk one pair back as ``register`` does, and keep every step.
 
     Returns:
         The time of each step, the noisy pose before it and the prediction made from that, both
@@ -72,7 +74,7 @@ def follow(
     times, noisy, predicted = list[int](), list[Tensor](), list[Tensor]()
 
     def denoise(x_t: Tensor, t: Tensor) -> Tensor:
-        x_0 = method.denoise(x_t.to(source), t, encoded)  # type: ignore[arg-type]  # its own
+        x_0 = method.denoise(x_t.to(source), t, encoded)
         times.append(int(t[0]))
         noisy.append(x_t)
         predicted.append(x_0)

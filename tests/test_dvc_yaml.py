@@ -67,7 +67,7 @@ GLUE = {
 WIRING = {
     "pcrdiff.diffusion.sampling": "`Walk` carries params into the learned methods, which import it",
 }
-"""What ``pipeline.catalogue`` imports for some methods only, besides the methods themselves."""
+"""What ``pipeline.catalogue`` imports for some methods only."""
 PLACE = {
     "compute": "where work is done: tests hold that the results are the same bytes",
 }
@@ -104,12 +104,14 @@ def methods_of(instance: Instance) -> list[str]:
 
 
 def imported_modules(instance: Instance) -> set[str]:
-    """What an instance imports of this project, by way of the methods it builds alone."""
+    """What an instance imports of this project, with the methods that the catalogue builds for it."""
     graph = copy.deepcopy(IMPORTS)
-    own = {f"pcrdiff.methods.{method}" for method in methods_of(instance)}
-    for module in graph.find_modules_directly_imported_by("pipeline.catalogue"):
-        if module in WIRING or (module.startswith("pcrdiff.methods.") and module not in own):
-            graph.remove_import(importer="pipeline.catalogue", imported=module)
+    for module in WIRING:
+        graph.remove_import(importer="pipeline.catalogue", imported=module)
+    if "pipeline.catalogue" in graph.find_upstream_modules(instance.module):
+        for method in methods_of(instance):
+            imported = f"pcrdiff.methods.{method}"
+            graph.add_import(importer="pipeline.catalogue", imported=imported)
     return set(graph.find_upstream_modules(instance.module)) | {instance.module}
 
 

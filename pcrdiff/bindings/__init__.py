@@ -1,1 +1,1 @@
-"""Libraries with native code, so called that what they print, crash on or give up is one sentence."""
+"""Libraries with native code, called so that whatever they print or crash on ends in one sentence."""

@@ -14,17 +14,17 @@ class Isolated:
     """Calls functions in a child process, one at a time.
 
     The child starts with the first call and computes in one thread. It imports the modules of
-    the functions that it is given, but not the parent's main module, as multiprocessing's
-    children would. It ends with its parent, however that ends.
+    the functions that it is given, but not the parent's main module, as a child of
+    multiprocessing would. It ends with its parent, whatever ends that.
     """
 
     def __init__(self, name: str, seconds: float) -> None:
-        """``name`` stands in the sentences of errors; a call may take ``seconds``."""
+        """``name`` is used in error messages; a call may take ``seconds``."""
         self.name, self.seconds = name, seconds
         self._child: _Child | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Copies and pickles have no child yet: it is of this process."""
+        """Copies and pickles have no child: it belongs to this process."""
         return {**self.__dict__, "_child": None}
 
     def call(self, function: Callable[..., Any], *arguments: object) -> Any:  # noqa: ANN401

@@ -1,1 +1,1 @@
-"""The Gaussian process over vectors; knows no network."""
+"""The Gaussian process over vectors, independent of any network."""

@@ -4,32 +4,29 @@ from itertools import pairwise
 from math import sqrt
 
 import torch
-from jaxtyping import Float, Float64, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
+from pcrdiff.diffusion.schedule import AlphasBar
 from pcrdiff.diffusion.shares import rows_drawn
 
+Vectors = Float[Tensor, "batch entries"]
+Times = Int[Tensor, " batch"]
 
-def q_sample(
-    x_0: Float[Tensor, "batch dim"],
-    t: Int[Tensor, " batch"],
-    noise: Float[Tensor, "batch dim"],
-    alphas_bar: Float64[Tensor, " times"],
-) -> Float[Tensor, "batch dim"]:
+
+def q_sample(x_0: Vectors, t: Times, noise: Vectors, alphas_bar: AlphasBar) -> Vectors:
     """Corrupt clean vectors to time ``t`` (Eq. 6); at t = 0 nothing changes."""
     a = alphas_bar[t].unsqueeze(-1)
     return a.sqrt().to(x_0) * x_0 + (1 - a).sqrt().to(x_0) * noise
 
 
 def corrupt(
-    x_0: Float[Tensor, "batch dim"],
-    alphas_bar: Float64[Tensor, " times"],
-    *,
-    generator: torch.Generator,
-) -> tuple[Float[Tensor, "batch dim"], Int[Tensor, " batch"]]:
+    x_0: Vectors, alphas_bar: AlphasBar, *, generator: torch.Generator
+) -> tuple[Vectors, Times]:
     """Draw a time in 1 .. T and a noise for each vector, and corrupt it (Algorithm 1).
 
-    If the vectors are one process's share of a batch, they get what they would in the whole.
+    Where the generator shares a batch among processes, each vector gets the time and the noise
+    that it would get in the whole batch.
 
     Returns:
         (x_t, t).
@@ -41,12 +38,8 @@ def corrupt(
 
 
 def q_posterior(
-    x_0: Float[Tensor, "batch dim"],
-    x_t: Float[Tensor, "batch dim"],
-    t: int,
-    s: int,
-    alphas_bar: Float64[Tensor, " times"],
-) -> tuple[Float[Tensor, "batch dim"], float]:
+    x_0: Vectors, x_t: Vectors, t: int, s: int, alphas_bar: AlphasBar
+) -> tuple[Vectors, float]:
     """Mean and deviation of ``q(x_s | x_t, x_0)`` for any earlier time ``s < t`` (Eq. 10).
 
     With ``a = alphas_bar[t] / alphas_bar[s]``, the signal kept from s to t, this is the DDPM
@@ -63,13 +56,7 @@ def q_posterior(
     return mean, sqrt((1 - a_s) * (1 - a) / (1 - a_t))
 
 
-def ddim_step(
-    x_0: Float[Tensor, "batch dim"],
-    x_t: Float[Tensor, "batch dim"],
-    t: int,
-    s: int,
-    alphas_bar: Float64[Tensor, " times"],
-) -> Float[Tensor, "batch dim"]:
+def ddim_step(x_0: Vectors, x_t: Vectors, t: int, s: int, alphas_bar: AlphasBar) -> Vectors:
     """Walk from ``t`` to an earlier ``s`` along the noise that ``x_t`` holds (Song et al. 2021)."""
     a_t, a_s = alphas_bar[t].item(), alphas_bar[s].item()
     noise = (x_t - sqrt(a_t) * x_0) / sqrt(1 - a_t)

@@ -6,8 +6,11 @@ import torch
 from jaxtyping import Float64
 from torch import Tensor
 
+AlphasBar = Float64[Tensor, " times"]
+"""The share of the signal's power that is left at each time 0 .. T."""
 
-def cosine_alphas_bar(timesteps: int, max_beta: float = 0.999) -> Float64[Tensor, " times"]:
+
+def cosine_alphas_bar(timesteps: int, max_beta: float = 0.999) -> AlphasBar:
     """Cumulative signal power of the cosine schedule (Nichol & Dhariwal 2021, Eq. 17).
 
     Args:

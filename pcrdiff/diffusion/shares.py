@@ -16,12 +16,12 @@ class Share:
 
     @property
     def count(self) -> int:
-        """How many rows that is; none for the last processes, if the batch has fewer rows."""
+        """The number of these rows; 0 for the last processes if the batch has fewer rows."""
         return len(range(self.rank, self.batch, self.processes))
 
     @property
     def rows(self) -> slice:
-        """Which rows to work on; a process without any stands in with the first, for nothing."""
+        """Which rows to work on; a process with no rows computes the first, with weight 0."""
         return slice(self.rank, None, self.processes) if self.count else slice(0, 1)
 
     @property
@@ -31,18 +31,18 @@ class Share:
 
 
 class SharedGenerator(torch.Generator):
-    """Draws what the one process would draw that held the whole batch.
+    """Draws what a single process with the whole batch would draw.
 
-    All processes seed theirs alike. What is drawn row by row is drawn for the whole batch, of
-    which each process keeps its ``share`` (:func:`rows_drawn`); so no row's noise depends on how
-    many processes there are, and the generators stay in step.
+    All processes use the same seed. What is drawn row by row is drawn for the whole batch, and
+    each process keeps its ``share`` (:func:`rows_drawn`); so no row's noise depends on the number
+    of processes, and the generators stay in step.
     """
 
     share: Share | None = None
-    """Of the batch at hand; None if this process holds all of it."""
+    """This process's share of the current batch; None if it holds all of it."""
 
 
 def rows_drawn(rows: int, generator: torch.Generator) -> tuple[int, slice]:
-    """How many rows to draw for ``rows`` that are at hand, and which of those drawn to keep."""
+    """The number of rows to draw for ``rows`` held here, and which of those drawn to keep."""
     share = generator.share if isinstance(generator, SharedGenerator) else None
     return (rows, slice(None)) if share is None else (share.batch, share.rows)

@@ -6,26 +6,22 @@ from torch import Tensor
 
 from pcrdiff.geometry.rotation import euler_from_matrix, geodesic_angle
 
+Poses = Float64[Tensor, "pairs 4 4"]
 
-def error_r_deg(
-    estimate: Float64[Tensor, "pairs 4 4"], truth: Float64[Tensor, "pairs 4 4"]
-) -> Float64[Tensor, " pairs"]:
+
+def error_r_deg(estimate: Poses, truth: Poses) -> Float64[Tensor, " pairs"]:
     """Isotropic rotation error: Eq. (18), with the ``- 1`` that it lacks, in degrees."""
     angle = geodesic_angle(truth[:, :3, :3], estimate[:, :3, :3])
     return angle * (180 / torch.pi)
 
 
-def error_t(
-    estimate: Float64[Tensor, "pairs 4 4"], truth: Float64[Tensor, "pairs 4 4"]
-) -> Float64[Tensor, " pairs"]:
+def error_t(estimate: Poses, truth: Poses) -> Float64[Tensor, " pairs"]:
     """Isotropic translation error (Eq. 18), in the clouds' own unit."""
     distance: Tensor = translation_difference(estimate, truth).norm(dim=-1)
     return distance
 
 
-def euler_difference_deg(
-    estimate: Float64[Tensor, "pairs 4 4"], truth: Float64[Tensor, "pairs 4 4"]
-) -> Float64[Tensor, "pairs 3"]:
+def euler_difference_deg(estimate: Poses, truth: Poses) -> Float64[Tensor, "pairs 3"]:
     """Estimate minus truth of the angles in ``Rx Ry Rz``, in degrees, not wrapped.
 
     The field's RMSE(R) and MAE(R) are taken over these, all pairs and axes together.
@@ -34,8 +30,6 @@ def euler_difference_deg(
     return (estimated - euler_from_matrix(truth[:, :3, :3])).rad2deg()
 
 
-def translation_difference(
-    estimate: Float64[Tensor, "pairs 4 4"], truth: Float64[Tensor, "pairs 4 4"]
-) -> Float64[Tensor, "pairs 3"]:
+def translation_difference(estimate: Poses, truth: Poses) -> Float64[Tensor, "pairs 3"]:
     """Estimate minus truth of the translation, axis by axis."""
     return estimate[:, :3, 3] - truth[:, :3, 3]

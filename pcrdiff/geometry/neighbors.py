@@ -6,6 +6,10 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 from torch import Tensor
 
+Queries = Float[Tensor, "batch n 3"]
+Points = Float[Tensor, "batch m 3"]
+Found = tuple[Float[Tensor, "batch n k"], Int[Tensor, "batch n k"]]
+"""Squared distance and index of each query's nearest points."""
 BLOCK = 1 << 22
 """Distances held at once; 16 MiB in float32."""
 
@@ -19,9 +23,7 @@ def squared_distances(
     return (squares - 2 * cross).clamp(min=0)
 
 
-def nearest(
-    queries: Float[Tensor, "batch n 3"], points: Float[Tensor, "batch m 3"], k: int
-) -> tuple[Float[Tensor, "batch n k"], Int[Tensor, "batch n k"]]:
+def nearest(queries: Queries, points: Points, k: int) -> Found:
     """Squared distance and index of the ``k`` nearest points of each query, nearest first.
 
     Raises:
@@ -33,9 +35,7 @@ def nearest(
     return search(queries.detach(), points.detach(), k)
 
 
-def nearest_by_trees(
-    queries: Float[Tensor, "batch n 3"], points: Float[Tensor, "batch m 3"], k: int
-) -> tuple[Float[Tensor, "batch n k"], Int[Tensor, "batch n k"]]:
+def nearest_by_trees(queries: Queries, points: Points, k: int) -> Found:
     """:func:`nearest` by a k-d tree of each cloud, in float64."""
     ranks, workers = np.arange(1, k + 1), torch.get_num_threads()  # which change no answer
     found = [
@@ -47,9 +47,7 @@ def nearest_by_trees(
     return distances.square().to(points), index
 
 
-def nearest_by_distances(
-    queries: Float[Tensor, "batch n 3"], points: Float[Tensor, "batch m 3"], k: int
-) -> tuple[Float[Tensor, "batch n k"], Int[Tensor, "batch n k"]]:
+def nearest_by_distances(queries: Queries, points: Points, k: int) -> Found:
     """:func:`nearest` by all distances, a block at a time: what accelerators are good at."""
     batch, m, _ = points.shape
     rows = max(1, BLOCK // (batch * m))
@@ -59,6 +57,16 @@ def nearest_by_distances(
     ]
     distances = torch.cat([block.values for block in blocks], dim=1)
     return distances, torch.cat([block.indices for block in blocks], dim=1)
+
+
+def row_argmax(scores: Float[Tensor, "rows n"]) -> Int[Tensor, " rows"]:
+    """Index of each row's largest entry, the first of equals.
+
+    NumPy's search of contiguous rows takes a tenth of the time of torch's on a processor.
+    """
+    if scores.device.type != "cpu":
+        return scores.argmax(dim=-1)
+    return torch.from_numpy(scores.numpy().argmax(axis=-1))
 
 
 def gather_points(

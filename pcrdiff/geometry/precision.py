@@ -1,4 +1,4 @@
-"""In which precision maxima are searched: a setting of the process, as torch's own backends have."""
+"""The precision in which maxima are searched: a setting of the process, as in torch's backends."""
 
 from typing import Literal
 
@@ -18,7 +18,7 @@ def multiplies_in_bfloat16() -> bool:
 
 
 def resolve(asked: Asked) -> SearchPrecision:
-    """What is asked for; ``auto`` is bfloat16 where the processor multiplies in it, else float32."""
+    """The precision meant: ``auto`` is bfloat16 where the processor multiplies in it, else float32."""
     if asked != "auto":
         return asked
     return "bfloat16" if multiplies_in_bfloat16() else "float32"
@@ -32,8 +32,8 @@ def search_precision() -> SearchPrecision:
 def set_search_precision(precision: SearchPrecision) -> None:
     """Search for maxima in ``precision`` from here on, in all threads of this process.
 
-    In float32 the maximum itself is found. In bfloat16 another point may be taken where two are
-    equally high to two or three digits.
+    In float32 the maximum itself is found. In bfloat16 another point may be taken where two agree
+    in their first two or three digits.
 
     Raises:
         ValueError: It is neither float32 nor bfloat16.
@@ -49,7 +49,7 @@ def search_scores(
     """``W H^T``, what a search for maxima compares, in the precision that is set.
 
     In bfloat16 the factors are rounded and their products summed in float32, on every processor;
-    those that multiply in bfloat16 are told so. Doubles are never rounded.
+    torch uses bfloat16 products where the processor has them. Doubles are never rounded.
     """
     if search_precision() == "float32" or weight.dtype != torch.float32:
         return weight @ hidden.mT

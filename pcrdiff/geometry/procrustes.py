@@ -5,6 +5,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pcrdiff.geometry.rigid import from_parts
+from pcrdiff.geometry.rotation import Rotations, vee
 from pcrdiff.geometry.twist import hat
 
 LEAST_LEVER = 1e-6  # keeps the turn finite where several rotations are equally near
@@ -45,12 +46,12 @@ def fit_rigid(
     return from_parts(R, q_mean - (R @ p_mean.unsqueeze(-1)).squeeze(-1))
 
 
-def nearest_rotation(M: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3 3"]:
+def nearest_rotation(M: Rotations) -> Rotations:
     """The rotation R nearest to ``M`` in the Frobenius norm (special orthogonal Procrustes).
 
     An SVD's own gradient blows up where singular values are equal, as they are of every rotation.
     R itself is smooth there: with ``M = R S``, S symmetric, a change of M turns R by the solution
-    x of ``(tr(S) I - S) x = vee(R^T M - M^T R)``, which is zero at M itself.
+    x of ``(tr(S) I - S) x = vee(R^T M)``, which is zero at M itself.
     """
     with torch.no_grad():
         U, _, Vh = torch.linalg.svd(M)
@@ -59,8 +60,6 @@ def nearest_rotation(M: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3 
         S = R.mT @ M
         trace = S.diagonal(dim1=-2, dim2=-1).sum(dim=-1)[..., None, None]
         lever = (trace + LEAST_LEVER) * torch.eye(3).to(M) - S
-    skew = R.mT @ M - M.mT @ R
-    torque = torch.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], dim=-1)
-    turn: Tensor = torch.linalg.solve(lever, torque)
+    turn: Tensor = torch.linalg.solve(lever, vee(R.mT @ M))
     turned: Tensor = R + R @ hat(turn)
     return turned

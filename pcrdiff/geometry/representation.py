@@ -1,8 +1,8 @@
 """Ways to write a pose as a vector: what Table 4 diffuses, and more.
 
-Each is a number of entries, a way there and a way back. The way back takes any vector, so that a
-network may answer with any; ``tidy`` is the vector of a pose that stands for it where that is a
-matter of scale (a quaternion of unit length), and the vector itself elsewhere.
+Each has a dimension, an encoder and a decoder; the decoder accepts any vector, so that a network
+may answer with any. ``tidy`` rescales a vector to that of a pose where only the scale is wrong (a
+quaternion not of unit length), and leaves it alone elsewhere.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from pcrdiff.geometry.procrustes import nearest_rotation
-from pcrdiff.geometry.rigid import from_parts, from_pose_vector, pose_vector
+from pcrdiff.geometry.rigid import Transforms, from_parts, from_pose_vector, pose_vector
 from pcrdiff.geometry.rotation import (
     conjugate,
     euler_from_matrix,
@@ -58,23 +58,23 @@ def unit_quaternion(vector: Float[Tensor, "*batch 7"]) -> Float[Tensor, "*batch 
     return torch.cat([normalize(vector[..., :4], dim=-1), vector[..., 4:]], dim=-1)
 
 
-def euler_vector(T_target_source: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 6"]:
+def euler_vector(T_target_source: Transforms) -> Float[Tensor, "*batch 6"]:
     """``(rx, ry, rz, tx, ty, tz)`` with R = Rx Ry Rz, in radians: the paper's 6-vector."""
     angles = euler_from_matrix(T_target_source[..., :3, :3])
     return torch.cat([angles, T_target_source[..., :3, 3]], dim=-1)
 
 
-def from_euler_vector(vector: Float[Tensor, "*batch 6"]) -> Float[Tensor, "*batch 4 4"]:
+def from_euler_vector(vector: Float[Tensor, "*batch 6"]) -> Transforms:
     """Inverse of :func:`euler_vector`."""
     return from_parts(matrix_from_euler(vector[..., :3]), vector[..., 3:])
 
 
-def columns_vector(T_target_source: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 9"]:
+def columns_vector(T_target_source: Transforms) -> Float[Tensor, "*batch 9"]:
     """The first two columns of R, then t (Zhou et al. 2019, Eq. 15): continuous over SO(3)."""
     return T_target_source[..., :3, [0, 1, 3]].mT.flatten(-2)
 
 
-def from_columns_vector(vector: Float[Tensor, "*batch 9"]) -> Float[Tensor, "*batch 4 4"]:
+def from_columns_vector(vector: Float[Tensor, "*batch 9"]) -> Transforms:
     """Gram-Schmidt on the two columns (Zhou et al. 2019, Eq. 16)."""
     first, second, t = vector[..., :3], vector[..., 3:6], vector[..., 6:]
     x = normalize(first, dim=-1)
@@ -82,14 +82,14 @@ def from_columns_vector(vector: Float[Tensor, "*batch 9"]) -> Float[Tensor, "*ba
     return from_parts(torch.stack([x, y, torch.linalg.cross(x, y)], dim=-1), t)
 
 
-def dual_quaternion(T_target_source: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 8"]:
+def dual_quaternion(T_target_source: Transforms) -> Float[Tensor, "*batch 8"]:
     """``(q, 1/2 t q)`` with the translation as a quaternion (0, t); q is unit, its w >= 0."""
     real = quaternion_from_matrix(T_target_source[..., :3, :3])
     t = torch.cat([torch.zeros_like(real[..., :1]), T_target_source[..., :3, 3]], dim=-1)
     return torch.cat([real, 0.5 * multiply_quaternions(t, real)], dim=-1)
 
 
-def from_dual_quaternion(vector: Float[Tensor, "*batch 8"]) -> Float[Tensor, "*batch 4 4"]:
+def from_dual_quaternion(vector: Float[Tensor, "*batch 8"]) -> Transforms:
     """``t = 2 d q*``; scaling the eight numbers changes nothing.
 
     Raises:
@@ -106,12 +106,12 @@ def unit_dual_quaternion(vector: Float[Tensor, "*batch 8"]) -> Float[Tensor, "*b
     return vector / length.clamp(min=1e-12)
 
 
-def rows_vector(T_target_source: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 12"]:
+def rows_vector(T_target_source: Transforms) -> Float[Tensor, "*batch 12"]:
     """The upper three rows of the matrix; the fourth never varies."""
     return T_target_source[..., :3, :].flatten(-2)
 
 
-def from_rows_vector(vector: Float[Tensor, "*batch 12"]) -> Float[Tensor, "*batch 4 4"]:
+def from_rows_vector(vector: Float[Tensor, "*batch 12"]) -> Transforms:
     """The rotation nearest to the 3x3 block, and the last column as it is."""
     rows = vector.reshape(*vector.shape[:-1], 3, 4)
     return from_parts(nearest_rotation(rows[..., :3]), rows[..., 3])

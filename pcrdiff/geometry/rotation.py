@@ -4,8 +4,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+Vectors3 = Float[Tensor, "*batch 3"]
+Quaternions = Float[Tensor, "*batch 4"]
+"""(w, x, y, z)."""
+Rotations = Float[Tensor, "*batch 3 3"]
 
-def matrix_from_quaternion(quaternion: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 3 3"]:
+
+def matrix_from_quaternion(quaternion: Quaternions) -> Rotations:
     """Rotation matrix of a quaternion (w, x, y, z), which need not have unit length.
 
     Raises:
@@ -23,7 +28,7 @@ def matrix_from_quaternion(quaternion: Float[Tensor, "*batch 4"]) -> Float[Tenso
     return torch.stack(rows, dim=-2)
 
 
-def quaternion_from_matrix(R: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 4"]:
+def quaternion_from_matrix(R: Rotations) -> Quaternions:
     """Unit quaternion (w, x, y, z) with w >= 0 of a rotation matrix.
 
     Each column of the 4x4 matrix below is the quaternion times one of its own components; the
@@ -47,9 +52,7 @@ def quaternion_from_matrix(R: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*ba
     return torch.where(quaternion[..., :1] < 0, -quaternion, quaternion)
 
 
-def multiply_quaternions(
-    a: Float[Tensor, "*batch 4"], b: Float[Tensor, "*batch 4"]
-) -> Float[Tensor, "*batch 4"]:
+def multiply_quaternions(a: Quaternions, b: Quaternions) -> Quaternions:
     """The product ``a b``: of two rotations, the one that turns by b first."""
     aw, ax, ay, az = a.unbind(-1)
     bw, bx, by, bz = b.unbind(-1)
@@ -62,12 +65,12 @@ def multiply_quaternions(
     return torch.stack(parts, dim=-1)
 
 
-def conjugate(quaternion: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 4"]:
+def conjugate(quaternion: Quaternions) -> Quaternions:
     """``(w, -x, -y, -z)``: of a unit quaternion, the inverse."""
     return torch.cat([quaternion[..., :1], -quaternion[..., 1:]], dim=-1)
 
 
-def matrix_from_euler(angles: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
+def matrix_from_euler(angles: Vectors3) -> Rotations:
     """``Rx(a) @ Ry(b) @ Rz(c)`` for ``angles = (a, b, c)``: how the field draws its rotations."""
     (sa, sb, sc), (ca, cb, cc) = angles.sin().unbind(-1), angles.cos().unbind(-1)
     rows = [
@@ -78,25 +81,41 @@ def matrix_from_euler(angles: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batc
     return torch.stack(rows, dim=-2)
 
 
-def euler_from_matrix(R: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3"]:
+def euler_from_matrix(R: Rotations) -> Vectors3:
     """Angles (a, b, c) with ``R = Rx(a) @ Ry(b) @ Rz(c)`` and b in [-pi/2, pi/2].
 
     Where ``b`` is a right angle only the sum or difference of a and c is known; c is then 0.
     """
     locked = torch.hypot(R[..., 0, 0], R[..., 0, 1]) < 1e-7  # cos b
     a = torch.where(
-        locked,
-        torch.atan2(R[..., 2, 1], R[..., 1, 1]),
-        torch.atan2(-R[..., 1, 2], R[..., 2, 2]),
+        locked, torch.atan2(R[..., 2, 1], R[..., 1, 1]), torch.atan2(-R[..., 1, 2], R[..., 2, 2])
     )
     b = torch.asin(R[..., 0, 2].clamp(-1, 1))
     c = torch.where(locked, 0.0, torch.atan2(-R[..., 0, 1], R[..., 0, 0]))
     return torch.stack([a, b, c], dim=-1)
 
 
-def geodesic_angle(
-    R_a: Float[Tensor, "*batch 3 3"], R_b: Float[Tensor, "*batch 3 3"]
-) -> Float[Tensor, "*batch"]:
-    """Angle of the rotation between two rotations: ``arccos((trace(R_a^T R_b) - 1) / 2)``."""
-    trace = (R_a * R_b).sum(dim=(-2, -1))
-    return torch.arccos(((trace - 1) / 2).clamp(-1, 1))
+def vee(M: Rotations) -> Vectors3:
+    """``(M - M^T)`` as a vector: of a rotation by an angle about a unit axis, 2 sin(angle) axis."""
+    skew = M - M.mT
+    return torch.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], dim=-1)
+
+
+def geodesic_angle(R_a: Rotations, R_b: Rotations) -> Float[Tensor, "*batch"]:
+    """Angle in [0, pi] of the rotation ``R = R_a^T R_b`` between two rotations.
+
+    ``atan2(|vee(R)|, trace(R) - 1)``, twice the sine and twice the cosine: equal to
+    ``arccos((trace(R) - 1) / 2)``, which in float64 resolves no angle below 1e-8.
+    """
+    R = (R_a.unsqueeze(-1) * R_b.unsqueeze(-2)).sum(dim=-3)  # symmetric to the bit if R_a = R_b
+    trace = R.diagonal(dim1=-2, dim2=-1).sum(dim=-1)
+    return torch.atan2(vee(R).norm(dim=-1), trace - 1)
+
+
+def angle_between(a: Vectors3, b: Vectors3) -> Float[Tensor, "*batch"]:
+    """Angle in [0, pi], accurate everywhere; 0 where a vector vanishes."""
+    (ax, ay, az), (bx, by, bz) = a.unbind(dim=-1), b.unbind(dim=-1)
+    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    cross = (x.square() + y.square() + z.square()).sqrt()
+    dot = ax * bx + ay * by + az * bz + 0.0  # -0 becomes 0, for a vector that vanishes
+    return torch.atan2(cross, dot)

@@ -4,12 +4,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.geometry.rotation import quaternion_from_matrix
+from pcrdiff.geometry.rigid import Transforms
+from pcrdiff.geometry.rotation import Rotations, Vectors3, quaternion_from_matrix
 
 SMALL = 1e-3  # radians; below it the series is as exact as the formula
 
 
-def hat(w: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
+def hat(w: Vectors3) -> Rotations:
     """The matrix of the cross product: ``hat(w) @ x = w x x``."""
     x, y, z = w.unbind(-1)
     o = torch.zeros_like(x)
@@ -17,7 +18,7 @@ def hat(w: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
     return torch.stack(rows, dim=-2)
 
 
-def exp_twist(twist: Float[Tensor, "*batch 6"]) -> Float[Tensor, "*batch 4 4"]:
+def exp_twist(twist: Float[Tensor, "*batch 6"]) -> Transforms:
     """The exponential from se(3) to SE(3): the motion after moving along a twist for one unit.
 
     Turns about ``w`` by its length; near zero it is ``x -> x + w x x + v``.
@@ -29,7 +30,7 @@ def exp_twist(twist: Float[Tensor, "*batch 6"]) -> Float[Tensor, "*batch 4 4"]:
     return T
 
 
-def log_twist(T: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 6"]:
+def log_twist(T: Transforms) -> Float[Tensor, "*batch 6"]:
     """Inverse of :func:`exp_twist` for turns of at most pi."""
     quaternion = quaternion_from_matrix(T[..., :3, :3])
     sine = quaternion[..., 1:].square().sum(dim=-1, keepdim=True)

@@ -1,14 +1,14 @@
 """The second floor of every table: the mean training pose, whatever the clouds are."""
 
 import torch
-from jaxtyping import Float, Float64
+from jaxtyping import Float64
 from torch import Tensor
 
 from pcrdiff.geometry.rigid import from_parts
-from pcrdiff.registration import check_clouds
+from pcrdiff.registration import Method, Poses, Sources, Targets
 
 
-class Constant:
+class Constant(Method):
     """Answers the pose that is nearest to all training poses.
 
     The mean translation, and the rotation that minimises the summed squared Frobenius distance
@@ -24,14 +24,6 @@ class Constant:
         U[:, 2] *= torch.det(U @ Vh)
         self.T_target_source = from_parts(U @ Vh, mean[:3, 3])
 
-    def register(
-        self,
-        source: Float[Tensor, "batch n 3"],
-        target: Float[Tensor, "batch m 3"],
-        *,
-        generator: torch.Generator,
-    ) -> Float[Tensor, "batch 4 4"]:
-        """Return the mean training pose for every pair."""
-        del generator
-        check_clouds(self.name, source, target)
+    def answer(self, source: Sources, target: Targets, *, generator: torch.Generator) -> Poses:
+        """The mean training pose for every pair."""
         return self.T_target_source.to(source).repeat(len(source), 1, 1)

@@ -1,21 +1,16 @@
 """Deep Closest Point (Wang & Solomon 2019), second version: a transformer between the clouds."""
 
-from collections.abc import Mapping
-
-import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from pcrdiff.models.dgcnn import DGCNN
-from pcrdiff.models.losses import rotation_loss, translation_loss
-from pcrdiff.models.matching import fit_pointers
-from pcrdiff.registration import LearnedMethod, Pairs, check_clouds
+from pcrdiff.models.pointers import Features, PointerMethod
+from pcrdiff.registration import Sources, Targets
 
 
 class Transformer(nn.Module):
     """One encoder and one decoder block, the norms first, no dropout (Vaswani et al. 2017).
 
-    Points come in no order, so no position is encoded.
+    Points have no order, so no position is encoded.
     """
 
     def __init__(self, dim: int, heads: int = 4) -> None:
@@ -32,55 +27,23 @@ class Transformer(nn.Module):
     def forward(
         self, features: Float[Tensor, "batch n dim"], other: Float[Tensor, "batch m dim"]
     ) -> Float[Tensor, "batch n dim"]:
-        """What the first cloud's points learn from the other cloud, once that has read itself."""
+        """What attention to the encoded other cloud adds to the features of the first."""
         memory = self.norm_encoder(self.encoder(other))
-        told: Tensor = self.norm_decoder(self.decoder(features, memory))
-        return told
+        added: Tensor = self.norm_decoder(self.decoder(features, memory))
+        return added
 
 
-class DCPv2(LearnedMethod):
-    """Features of every point that know of both clouds, to soft matches, to the pose."""
+class DCPv2(PointerMethod):
+    """Features of each point conditioned on both clouds, to soft matches, to the pose."""
 
     name = "dcp_v2"
 
     def __init__(self, feature_dim: int, neighbours: int) -> None:
-        """``feature_dim`` of a point, 512 in DCP; ``neighbours`` on its graph, 20 in DCP."""
-        super().__init__()
-        self.encoder = DGCNN(feature_dim, neighbours)
+        """As in the first version; ``feature_dim`` is a multiple of four, the attention's heads."""
+        super().__init__(feature_dim, neighbours)
         self.transformer = Transformer(feature_dim)
-        self.neighbours = neighbours
 
-    def estimate(
-        self, source: Float[Tensor, "batch n 3"], target: Float[Tensor, "batch m 3"]
-    ) -> Float[Tensor, "batch 4 4"]:
-        """T_target_source, in one pass (Secs. 4.1 to 4.4)."""
-        source_features, target_features = self.encoder(source), self.encoder(target)
-        return fit_pointers(
-            source,
-            target,
-            source_features + self.transformer(source_features, target_features),
-            target_features + self.transformer(target_features, source_features),
-        )
-
-    def loss(self, pairs: Pairs, *, generator: torch.Generator) -> Mapping[str, Float[Tensor, ""]]:
-        """Eq. (16); nothing is drawn."""
-        del generator
-        T_estimate = self.estimate(pairs.source, pairs.target)
-        T_truth = pairs.T_target_source.to(T_estimate)
-        return {
-            "rotation": rotation_loss(T_estimate, T_truth),
-            "translation": translation_loss(T_estimate, T_truth),
-        }
-
-    @torch.no_grad()
-    def register(
-        self,
-        source: Float[Tensor, "batch n 3"],
-        target: Float[Tensor, "batch m 3"],
-        *,
-        generator: torch.Generator,
-    ) -> Float[Tensor, "batch 4 4"]:
-        """Estimate T_target_source; nothing is drawn."""
-        del generator
-        check_clouds(self.name, source, target, minimum=self.neighbours)
-        return self.estimate(source, target)
+    def features(self, source: Sources, target: Targets) -> Features:
+        """Those of the graph network, and what the transformer adds to them (Sec. 4.2)."""
+        p, q = self.encoder(source), self.encoder(target)
+        return p + self.transformer(p, q), q + self.transformer(q, p)

@@ -1,35 +1,20 @@
 """The third floor of every table: ICP started from the shift between the centroids."""
 
-import numpy as np
+from dataclasses import dataclass
+
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
-from pcrdiff.bindings.open3d_registration import centroid_shift, cloud, icp
-from pcrdiff.registration import check_clouds
+from pcrdiff.bindings.open3d_registration import PointToPoint
+from pcrdiff.geometry.rigid import centroid_shift
+from pcrdiff.registration import PairwiseMethod, Pose, Source, Target
 
 
-class ICPCentroid:
-    """Point-to-point ICP that is spared the translation; solves full overlap by itself."""
+@dataclass(frozen=True)
+class ICPCentroid(PointToPoint, PairwiseMethod):
+    """Point-to-point ICP that is spared the translation; solves full overlap on its own."""
 
     name = "icp_centroid"
 
-    def __init__(self, max_iterations: int, max_distance: float) -> None:
-        """``max_distance`` between matched points, in the clouds' unit."""
-        self.max_iterations, self.max_distance = max_iterations, max_distance
-
-    def register(
-        self,
-        source: Float[Tensor, "batch n 3"],
-        target: Float[Tensor, "batch m 3"],
-        *,
-        generator: torch.Generator,
-    ) -> Float[Tensor, "batch 4 4"]:
+    def answer_pair(self, source: Source, target: Target, *, generator: torch.Generator) -> Pose:
         """Refine the shift that lays the source's centroid on the target's."""
-        del generator
-        check_clouds(self.name, source, target)
-        poses = [
-            icp(self.name, cloud(p), cloud(q), T, self.max_iterations, self.max_distance)
-            for p, q, T in zip(source, target, centroid_shift(source, target), strict=True)
-        ]
-        return torch.from_numpy(np.stack(poses))
+        return self.refine(self.name, source, target, centroid_shift(source, target))

@@ -1,5 +1,7 @@
 """small_gicp's generalized ICP (Koide 2024), started from RANSAC on FPFH features."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import small_gicp
 import torch
@@ -7,13 +9,14 @@ from jaxtyping import Float, Float64
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from pcrdiff.bindings.open3d_registration import check_pose, check_support, ransac_fpfh
-from pcrdiff.geometry.rigid import transform
-from pcrdiff.geometry.span import TOLERANCE
-from pcrdiff.registration import check_clouds
+from pcrdiff.bindings.open3d_registration import FeatureMatching
+from pcrdiff.geometry.rigid import check_pose, transform
+from pcrdiff.geometry.span import TOLERANCE, check_support
+from pcrdiff.registration import PairwiseMethod, Pose, Source, Target
 
 
-class SmallGICP:
+@dataclass(frozen=True)
+class SmallGICP(FeatureMatching, PairwiseMethod):
     """A global start, and a fine registration of surfaces behind it.
 
     The library's documented defaults: type GICP, one thread, surfaces from 10 neighbours, 20
@@ -24,77 +27,48 @@ class SmallGICP:
     """
 
     name = "small_gicp"
+    max_iterations: int
 
-    def __init__(
-        self,
-        max_iterations: int,
-        max_distance: float,
-        feature_radius: float,
-        feature_neighbours: int,
-        normal_radius: float,
-    ) -> None:
-        """``max_distance`` holds for RANSAC's matches, too; all lengths in the clouds' unit."""
-        self.max_iterations, self.max_distance = max_iterations, max_distance
-        self.feature = (feature_radius, feature_neighbours, normal_radius)
-
-    def register(
-        self,
-        source: Float[Tensor, "batch n 3"],
-        target: Float[Tensor, "batch m 3"],
-        *,
-        generator: torch.Generator,
-    ) -> Float[Tensor, "batch 4 4"]:
+    def answer_pair(self, source: Source, target: Target, *, generator: torch.Generator) -> Pose:
         """Start globally and refine; the generator decides which matches the start tries."""
-        check_clouds(self.name, source, target)
-        poses = [self._register(p, q, generator) for p, q in zip(source, target, strict=True)]
-        return torch.from_numpy(np.stack(poses))
-
-    def _register(
-        self, source: Float[Tensor, "n 3"], target: Float[Tensor, "m 3"], generator: torch.Generator
-    ) -> Float64[np.ndarray, "4 4"]:
-        reach = self.max_distance
-        start = ransac_fpfh(self.name, source, target, reach, self.feature, generator=generator)
+        start = self.ransac(self.name, source, target, generator=generator)
         p, q = surface(source), surface(target)
         result = small_gicp.align(
             q,
             p,
-            init_T_target_source=start,
+            init_T_target_source=start.numpy(),
             registration_type="GICP",
-            max_correspondence_distance=reach,
+            max_correspondence_distance=self.max_distance,
             max_iterations=self.max_iterations,
             num_threads=1,
         )
-        pose = np.array(result.T_target_source)
-        moved = result.converged or (pose != start).any()
+        T = torch.from_numpy(np.array(result.T_target_source))
+        moved = result.converged or (start != T).any()
         if not (moved or _lies_on(source, target, start)):
             raise ValueError(f"{self.name} needs a step that brings the clouds nearer, found none")
-        check_support(self.name, *_matches(source, target, pose, reach), f"within {reach}")
-        return check_pose(self.name, pose)
+        matches = _matches(source, target, T, self.max_distance)
+        check_support(self.name, *matches, f"within {self.max_distance}")
+        return check_pose(self.name, T.numpy())
 
 
-def _lies_on(
-    source: Float[Tensor, "n 3"], target: Float[Tensor, "m 3"], pose: Float64[np.ndarray, "4 4"]
-) -> bool:
+def _lies_on(source: Source, target: Target, T: Pose) -> bool:
     """Whether the pose lays the whole source on the target, so that no step can better it."""
     length = float(max(source.abs().max(), target.abs().max()))
-    return len(_matches(source, target, pose, TOLERANCE * length)[0]) == len(source)
+    return len(_matches(source, target, T, TOLERANCE * length)[0]) == len(source)
 
 
 def _matches(
-    source: Float[Tensor, "n 3"],
-    target: Float[Tensor, "m 3"],
-    pose: Float64[np.ndarray, "4 4"],
-    reach: float,
+    source: Source, target: Target, T: Pose, reach: float
 ) -> tuple[Float64[np.ndarray, "matches 3"], Float64[np.ndarray, "matches 3"]]:
     """The points that the pose lays within reach of the target, and those nearest to them."""
     p, q = source.double(), target.double().numpy()
-    distances, nearest = cKDTree(q).query(transform(torch.from_numpy(pose), p).numpy())
+    distances, nearest = cKDTree(q).query(transform(T, p).numpy())
     near = np.asarray(distances) <= reach
     return p.numpy()[near], q[np.asarray(nearest)[near]]
 
 
 def surface(points: Float[Tensor, "n 3"]) -> "small_gicp.PointCloud":
-    """A cloud of the library's, each point with the spread of its 10 nearest."""
+    """A cloud of the library's, each point with the covariance of its 10 nearest."""
     cloud = small_gicp.PointCloud(points.double().numpy())
     small_gicp.estimate_covariances(cloud, num_neighbors=10)
     return cloud

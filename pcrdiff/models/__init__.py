@@ -1,1 +1,1 @@
-"""Network parts; know no schedule and no loop."""
+"""Network parts, and what several methods share."""

@@ -9,9 +9,9 @@ from torch.nn.functional import normalize, scaled_dot_product_attention
 class CrossCloudAttention(nn.Module):
     """One layer, four heads, shared by both clouds (Yuan et al. 2024).
 
-    EGST adds the score of point j of the other cloud to that of point j of its own, which ties
-    the answer to the order of the points and needs N = M. Here both clouds' points stand side
-    by side under one softmax: the same keys, free of the order, for any N and M.
+    EGST adds the score of point j of the other cloud to that of point j of its own, which makes
+    the answer depend on the order of the points and needs N = M. Here the points of both clouds
+    share one softmax: the same keys, in any order, for any N and M.
     """
 
     def __init__(self, dim: int, heads: int = 4) -> None:
@@ -28,7 +28,7 @@ class CrossCloudAttention(nn.Module):
     def forward(
         self, features: Float[Tensor, "batch n dim"], other: Float[Tensor, "batch m dim"]
     ) -> Float[Tensor, "batch n dim"]:
-        """Unit features of the first cloud that know of the second."""
+        """Unit features of the first cloud, conditioned on the second."""
         query = self._split(self.query(features))
         keys = self._split(torch.cat([self.own(features), self.other(other)], dim=1))
         attended = scaled_dot_product_attention(query, keys, keys)

@@ -12,9 +12,9 @@ from pcrdiff.models.mlp import he_layers, he_linear
 class DGCNN(nn.Module):
     """An MLP on every edge; the maximum over a point's edges after each layer; all maxima joined.
 
-    As DCP has it (Wang & Solomon 2019, Sec. 4.1): the graph is that of the points, not made anew
-    in each layer, and an edge is told the places of both its ends. They count from the cloud's
-    mean. No batch statistics: a cloud's features depend on that cloud alone.
+    As in DCP (Wang & Solomon 2019, Sec. 4.1): the graph is that of the points, the same for all
+    layers, and an edge is described by the positions of both its ends, from the cloud's mean.
+    No batch statistics: a cloud's features depend on that cloud alone.
     """
 
     def __init__(self, dim: int, neighbours: int) -> None:

@@ -1,9 +1,9 @@
 """An MLP on every edge of a graph of points, and the maximum over each point's edges.
 
-Its edges are k times as many as the points, so what a plain graph keeps of them is most of the
-memory of a training step, and fetching it again most of the time. Here a block of points that
-fits the cache goes through all layers at once; only the edges and which of them attained each
-maximum are kept, and the backward pass computes the layers in between anew.
+There are k edges per point, so what a plain graph keeps of them is most of the memory of a
+training step, and fetching it again most of the time. Here a block of points that fits the cache
+goes through all layers at once; only the edges and the index of the edge that attained each
+maximum are kept, and the backward pass computes the layers in between again.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,21 +20,21 @@ threshold_backward = torch.ops.aten.threshold_backward
 BLOCK_EDGES = 2048
 """Edges at once; a layer of 128 channels on them is 1 MiB in float32."""
 MOST_EDGES = 256
-"""Of a point: which of them attained a maximum is kept in a byte."""
+"""The most edges that a point may have: the one that attains a maximum is kept in a byte."""
 
 
 def pool_edges(
     edges: Float[Tensor, "*batch n k ins"], layers: Iterable[nn.Module], pooled: Sequence[int]
 ) -> Float[Tensor, "*batch n pooled_channels"]:
-    """The maximum over a point's edges of what the layers say, a ReLU after each.
+    """The maximum over a point's edges of what the layers compute, a ReLU after each.
 
     The gradient of a maximum goes to one edge that attains it.
 
     Args:
-        edges: What is told of each edge of each point.
+        edges: The numbers that describe each edge of each point.
         layers: Linear ones with a bias, applied one after the other.
-        pooled: After which of them the maximum is taken, counted from 0, in order; the last layer
-            is one of them. The maxima stand side by side.
+        pooled: The layers after which the maximum is taken, counted from 0, in order; the last
+            layer is one of them. The maxima are concatenated.
 
     Raises:
         ValueError: A point has more than ``MOST_EDGES`` edges.
@@ -89,7 +89,7 @@ def _blocks(edges: Float[Tensor, "n k ins"]) -> Iterator[slice]:
 def _hidden(
     edges: Float[Tensor, "edges ins"], parameters: Sequence[Tensor]
 ) -> list[Float[Tensor, "edges _"]]:
-    """The edges, and what each layer makes of them."""
+    """The edges, and the output of each layer."""
     hidden = [edges]
     for weight, bias in zip(parameters[::2], parameters[1::2], strict=True):
         hidden.append(torch.addmm(bias, hidden[-1], weight.mT).relu_())
@@ -103,7 +103,7 @@ def _maxima(
     *,
     indices: bool,
 ) -> tuple[Float[Tensor, "n channels"], UInt8[Tensor, "n channels"] | None]:
-    """The maxima, and if asked for which edge attains each; the last one of equals."""
+    """The maxima, and on request the edge that attains each; the last one of equals."""
     n, k, _ = edges.shape
     widths = [len(parameters[2 * layer]) for layer in pooled]
     maxima = edges.new_empty(n, sum(widths))
@@ -132,7 +132,7 @@ def _descend(
     parameters: Sequence[Tensor],
     sums: list[Tensor],
 ) -> Float[Tensor, "edges _"]:
-    """Add a block's gradients to ``sums``; returns that of the first layer before its ReLU."""
+    """Add a block's gradients to ``sums``; return that of the first layer before its ReLU."""
     k = len(hidden[0]) // len(gradient)
     widths = [len(parameters[2 * layer]) for layer in pooled]
     spreads = {

@@ -7,8 +7,9 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import pad
 
-from pcrdiff.geometry.argmax import row_argmax
+from pcrdiff.geometry.neighbors import row_argmax
 from pcrdiff.geometry.rigid import invert, transform
+from pcrdiff.registration import Poses, Scalar, Sources, Targets
 
 INLIER_WEIGHT = 0.01  # Yew & Lee 2020, Sec. 4.4
 ROUND = 1e-4  # cloud units; below it a distance is too short to have a direction
@@ -16,27 +17,23 @@ ROUND = 1e-4  # cloud units; below it a distance is too short to have a directio
 
 def diffusion_loss(
     prediction: Float[Tensor, "batch dim"], x_0: Float[Tensor, "batch dim"]
-) -> Float[Tensor, ""]:
+) -> Scalar:
     """``1/2 |f_theta(x_t, t) - x_0|^2``, mean over the batch (Eq. 15)."""
     return 0.5 * (prediction - x_0).square().sum(dim=-1).mean()
 
 
-def chamfer_loss(
-    moved: Float[Tensor, "batch n 3"], target: Float[Tensor, "batch m 3"]
-) -> Float[Tensor, ""]:
+def chamfer_loss(moved: Sources, target: Targets) -> Scalar:
     """Mean squared distance to the nearest point, both ways, mean over the batch (Eq. 16).
 
-    Which point is the nearest is found without a graph: the gradient of a minimum passes through
-    the point that attains it, and through no other.
+    The nearest point is found without a graph: the gradient of a minimum passes through the
+    point that attains it, and through no other.
     """
     forward = (moved - _nearest(moved.detach(), target)).square().sum(dim=-1)
     backward = (target - _nearest(target, moved)).square().sum(dim=-1)
     return forward.mean() + backward.mean()
 
 
-def _nearest(
-    queries: Float[Tensor, "batch n 3"], points: Float[Tensor, "batch m 3"]
-) -> Float[Tensor, "batch n 3"]:
+def _nearest(queries: Sources, points: Targets) -> Sources:
     """The point nearest to each query.
 
     ``q.p - |p|^2 / 2`` is largest where the distance is smallest: one matrix product and a search
@@ -49,47 +46,37 @@ def _nearest(
     return points.gather(1, index.unsqueeze(-1).expand(-1, -1, 3))
 
 
-def pose_loss(
-    T_estimate: Float[Tensor, "batch 4 4"], T_truth: Float[Tensor, "batch 4 4"]
-) -> Float[Tensor, ""]:
+def pose_loss(T_estimate: Poses, T_truth: Poses) -> Scalar:
     """``|G_0^-1 G_gt - I|_F``, mean over the batch (Eq. 17)."""
     difference = invert(T_estimate) @ T_truth - torch.eye(4).to(T_truth)
     norm: Tensor = torch.linalg.matrix_norm(difference)
     return norm.mean()
 
 
-def point_loss(
-    estimated: Float[Tensor, "batch n 3"], true: Float[Tensor, "batch n 3"]
-) -> Float[Tensor, ""]:
+def point_loss(estimated: Sources, true: Sources) -> Scalar:
     """Mean absolute distance between a cloud under two poses (Yew & Lee 2020, Eq. 10)."""
     return (estimated - true).abs().mean()
 
 
-def inlier_loss(matches: Float[Tensor, "batch n m"]) -> Float[Tensor, ""]:
+def inlier_loss(matches: Float[Tensor, "batch n m"]) -> Scalar:
     """How far rows and columns of the matches fall short of 1 (Yew & Lee 2020, Eq. 11)."""
     return (1 - matches.sum(dim=-1)).mean() + (1 - matches.sum(dim=-2)).mean()
 
 
-def rotation_loss(
-    T_estimate: Float[Tensor, "batch 4 4"], T_truth: Float[Tensor, "batch 4 4"]
-) -> Float[Tensor, ""]:
+def rotation_loss(T_estimate: Poses, T_truth: Poses) -> Scalar:
     """Mean square of the entries of ``R^T R_gt - I`` (Wang & Solomon 2019, Eq. 16)."""
     R, R_truth = T_estimate[:, :3, :3], T_truth[:, :3, :3]
     return (R.mT @ R_truth - torch.eye(3).to(R)).square().mean()
 
 
-def translation_loss(
-    T_estimate: Float[Tensor, "batch 4 4"], T_truth: Float[Tensor, "batch 4 4"]
-) -> Float[Tensor, ""]:
+def translation_loss(T_estimate: Poses, T_truth: Poses) -> Scalar:
     """Mean square of the entries of ``t - t_gt`` (Wang & Solomon 2019, Eq. 16)."""
     return (T_estimate[:, :3, 3] - T_truth[:, :3, 3]).square().mean()
 
 
 def matching_losses(
-    steps: Sequence[tuple[Float[Tensor, "batch 4 4"], Float[Tensor, "batch n m"]]],
-    T_truth: Float[Tensor, "batch 4 4"],
-    source: Float[Tensor, "batch n 3"],
-) -> dict[str, Float[Tensor, ""]]:
+    steps: Sequence[tuple[Poses, Float[Tensor, "batch n m"]]], T_truth: Poses, source: Sources
+) -> dict[str, Scalar]:
     """RPM-Net's loss of a pose found step by step (Yew & Lee 2020, Sec. 4.4).
 
     Args:
@@ -110,12 +97,10 @@ def matching_losses(
     }
 
 
-def nearest_distance(
-    queries: Float[Tensor, "batch n 3"], points: Float[Tensor, "batch m 3"]
-) -> Float[Tensor, ""]:
+def nearest_distance(queries: Sources, points: Targets) -> Scalar:
     """Mean distance from a query to its nearest point, mean over the batch.
 
-    One way of :func:`chamfer_loss`, and not squared. Within ``ROUND`` the gradient fades.
+    One direction of :func:`chamfer_loss`, not squared. Within ``ROUND`` the gradient fades.
     """
     squares = (queries - _nearest(queries.detach(), points)).square().sum(dim=-1)
     return (squares + ROUND**2).sqrt().mean()

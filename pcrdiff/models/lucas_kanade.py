@@ -1,4 +1,4 @@
-"""Lucas-Kanade on the feature of a cloud: PointNetLK's and FMR's loop (Aoki et al. 2019)."""
+"""Lucas-Kanade on the feature of a cloud: what PointNetLK and FMR share (Aoki et al. 2019)."""
 
 import torch
 from jaxtyping import Float, Float64
@@ -6,33 +6,57 @@ from torch import Tensor
 
 from pcrdiff.geometry.rigid import from_parts, transform
 from pcrdiff.geometry.twist import exp_twist
+from pcrdiff.models.losses import pose_loss
 from pcrdiff.models.pointnet import PointNet
+from pcrdiff.registration import LearnedMethod, Pairs, Poses, Sources, Targets
 
 DAMPING = 1e-3  # of J^T J, as a share of its mean diagonal
 NOTHING = 1e-9  # a mean diagonal so small that nothing can be solved for
-LONGEST = 1.0  # twist of one update; a step that long is beyond what the Jacobian tells of
+LONGEST = 1.0  # twist of one update; a longer step is beyond the reach of the Jacobian
 CONVERGED = 1e-7  # twist of the last update, below which there is no other; the authors'
 
 
+class LucasKanadeMethod(LearnedMethod):
+    """Gauss-Newton on the global feature of a PointNet."""
+
+    def __init__(
+        self, feature_dim: int, difference: float, train_updates: int, updates: int
+    ) -> None:
+        """The authors' numbers: a feature of 1024, 10 updates in training.
+
+        ``difference`` is the step of the Jacobian's finite differences: theirs is 0.01; 0.1 reaches
+        further.
+        """
+        super().__init__()
+        self.encoder = PointNet((64, 64, 64, 128, feature_dim))
+        self.difference, self.train_updates, self.updates = difference, train_updates, updates
+
+    def align_loss(self, pairs: Pairs) -> Float[Tensor, ""]:
+        """``|G_est^-1 G_gt - I|_F`` after each update, mean over them (Aoki et al., Sec. 3)."""
+        poses = align(self.encoder, pairs.source, pairs.target, self.difference, self.train_updates)
+        losses = [pose_loss(T_estimate, pairs.T_target_source) for T_estimate in poses]
+        return torch.stack(losses).mean().to(pairs.source)
+
+    def answer(self, source: Sources, target: Targets, *, generator: torch.Generator) -> Poses:
+        """Align until it converges or the updates are spent; nothing is drawn."""
+        return align(self.encoder, source, target, self.difference, self.updates)[-1].to(source)
+
+
 def align(
-    encoder: PointNet,
-    source: Float[Tensor, "batch n 3"],
-    target: Float[Tensor, "batch m 3"],
-    difference: float,
-    updates: int,
+    encoder: PointNet, source: Sources, target: Targets, difference: float, updates: int
 ) -> list[Float64[Tensor, "batch 4 4"]]:
     """Move the source until its feature is the target's, by Gauss-Newton on the twist.
 
     Inverse-compositional: the target is the template, on whose side the motion is linearised, so
-    its Jacobian is computed once. Both clouds are seen from their own means. An update passes no
+    its Jacobian is computed once. Both clouds count from their own means. An update passes no
     gradient to the next one.
 
     Args:
         encoder: Gives a cloud its feature.
         source: The cloud that moves.
         target: The cloud that stays.
-        difference: Of the Jacobian's finite differences; see :func:`pose_jacobian`.
-        updates: At most so many.
+        difference: Step of the Jacobian's finite differences; see :func:`pose_jacobian`.
+        updates: The most that are made.
 
     Returns:
         T_target_source after each update, ``updates`` of them or fewer if all have converged.
@@ -58,16 +82,13 @@ def align(
 
 
 def pose_jacobian(
-    encoder: PointNet,
-    cloud: Float[Tensor, "batch n 3"],
-    features: Float[Tensor, "batch dim"],
-    difference: float,
+    encoder: PointNet, cloud: Sources, features: Float[Tensor, "batch dim"], difference: float
 ) -> Float[Tensor, "batch dim 6"]:
     """Derivative of ``features``, the cloud's, by the twist that moves it.
 
     By backward differences, ``(phi(Q) - phi(exp(-difference e_k) Q)) / difference``. A feature is
-    linear in pieces, and a difference wide enough to span some (in radians and cloud units) tells
-    more of what far motions do to it than the slope of the piece the cloud is on.
+    linear in pieces, and a difference wide enough to span several (in radians and cloud units)
+    predicts the effect of a large motion better than the slope of the piece the cloud is on.
     """
     steps = exp_twist(-difference * torch.eye(6).to(cloud))
     columns = [features - encoder(transform(T.expand(len(cloud), 4, 4), cloud)) for T in steps]

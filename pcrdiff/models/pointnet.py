@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from pcrdiff.geometry.argmax import row_argmax
+from pcrdiff.geometry.neighbors import row_argmax
 from pcrdiff.geometry.precision import search_precision, search_scores
 from pcrdiff.models.mlp import he_layers
 
@@ -22,12 +22,12 @@ class PointNet(nn.Module):
     No T-net and no batch statistics: a cloud's feature depends on that cloud alone. Training
     differentiates through the critical points only: a maximum passes its gradient to the point
     that attains it and to no other, so the gradient is that of the plain network. They are
-    searched in the precision that is set (:mod:`pcrdiff.geometry.precision`); features and gradients
-    are those of the points taken, in the network's own precision.
+    searched in the precision that is set (:mod:`pcrdiff.geometry.precision`); features and
+    gradients are those of the points found, in the network's own precision.
     """
 
     def __init__(self, widths: Sequence[int], ins: int = 3) -> None:
-        """``widths`` of the layers, the last one the feature's; ``ins`` numbers tell of a point."""
+        """``widths`` of the layers, the last one the feature's; ``ins`` numbers per point."""
         super().__init__()
         self.per_point = nn.Sequential(*he_layers(ins, widths))
 
@@ -63,8 +63,8 @@ class PointNet(nn.Module):
     def critical_points(self, points: Float[Tensor, "batch n ins"]) -> Int[Tensor, "batch dim"]:
         """Row, in the batch's points stacked, of the point that attains each maximum.
 
-        Cloud by cloud, for the scores of one just fit into the cache; channels lead, so that
-        the search runs along memory.
+        Cloud by cloud, because the scores of one just fit into the cache; channels come first,
+        so that the search runs along memory.
         """
         hidden, weight = self.hidden, self.last.weight
         highest = torch.stack(
@@ -77,8 +77,8 @@ class PointNet(nn.Module):
 class AtCritical(torch.autograd.Function):
     """A linear layer's output, each channel at one row alone: ``w_c . h_place(b,c)``.
 
-    Of the ``rows x dim`` products the maximum keeps ``batch x dim``. They are the entries of a
-    sparse matrix, whose columns are the rows; so are those of its gradient.
+    The maximum keeps ``batch x dim`` of the ``rows x dim`` products. They are the entries of a
+    sparse matrix with one column per row of ``hidden``, and so is its gradient.
     """
 
     @staticmethod
@@ -107,7 +107,7 @@ class AtCritical(torch.autograd.Function):
 
 
 at_critical = cast("Callable[[Tensor, Tensor, Tensor], Tensor]", AtCritical.apply)
-"""What training calls of :class:`AtCritical`."""
+""":class:`AtCritical` as a function."""
 
 
 def _entries(

@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor, nn
 
+from pcrdiff.diffusion.process import Vectors
 from pcrdiff.geometry.representation import REPRESENTATIONS, RepresentationName
 
 Scaling = Literal["raw", "standardised"]
@@ -41,17 +42,17 @@ class PoseSpace(nn.Module):
         self.start.copy_(self.mean)
         self.deviation.copy_(vectors.std(dim=0, correction=0).clamp(min=LEAST_DEVIATION))
 
-    def encode(self, T_target_source: Float[Tensor, "batch 4 4"]) -> Float[Tensor, "batch dim"]:
+    def encode(self, T_target_source: Float[Tensor, "batch 4 4"]) -> Vectors:
         """The vector of a pose: what is diffused, G_0."""
         vector = self.representation.encode(T_target_source)
         return (vector - self.mean.to(vector)) / self.deviation.to(vector)
 
-    def decode(self, x: Float[Tensor, "batch dim"]) -> Float[Tensor, "batch 4 4"]:
+    def decode(self, x: Vectors) -> Float[Tensor, "batch 4 4"]:
         """The pose a vector stands for; any vector stands for one."""
         T: Tensor = self.representation.decode(x * self.deviation.to(x) + self.mean.to(x))
         return T
 
-    def step(self, raw: Float[Tensor, "batch dim"]) -> Float[Tensor, "batch dim"]:
+    def step(self, raw: Vectors) -> Vectors:
         """What a network's output means: a step from the identity, or from the mean pose."""
         vector = self.representation.tidy(self.start + self.deviation * raw)
         return (vector - self.mean) / self.deviation

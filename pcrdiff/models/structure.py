@@ -1,6 +1,4 @@
-"""EGST's structured feature: three descriptors of each neighbourhood, embedded per point."""
-
-from dataclasses import dataclass
+"""Descriptors of each point's neighbourhood (EGST's, RPM-Net's), and their embedding."""
 
 import torch
 from jaxtyping import Float, Int
@@ -8,8 +6,8 @@ from torch import Tensor, nn
 
 from pcrdiff.geometry.neighbors import estimate_normals, gather_points, nearest
 from pcrdiff.geometry.rigid import transform
+from pcrdiff.geometry.rotation import angle_between
 from pcrdiff.models.edge_mlp import pool_edges
-from pcrdiff.registration import Normals
 
 DESCRIPTOR_DIM, PAIR_DIM = 11, 10  # of EGST, of RPM-Net
 
@@ -17,55 +15,19 @@ TRIPLETS = 1 << 19
 """Whose cosines are held at once: 2 MiB in float32. With fewer, calls cost more than sums."""
 
 
-def split_normals(
-    who: str, cloud: Float[Tensor, "batch n channels"], normals: Normals
-) -> tuple[Float[Tensor, "batch n 3"], Float[Tensor, "batch n 3"] | None]:
-    """Points, and their unit normals where these are given.
-
-    Raises:
-        ValueError: The cloud comes without the normals, or with some that are not asked for.
-    """
-    wanted = 6 if normals == "given" else 3
-    if cloud.shape[-1] != wanted:
-        raise ValueError(
-            f"{who} with {normals} normals needs {wanted} channels, got {cloud.shape[-1]}"
-        )
-    return cloud[..., :3], cloud[..., 3:] if normals == "given" else None
-
-
-def angle_between(
-    a: Float[Tensor, "*batch 3"], b: Float[Tensor, "*batch 3"]
-) -> Float[Tensor, "*batch"]:
-    """Angle in [0, pi], accurate everywhere; 0 where a vector vanishes."""
-    (ax, ay, az), (bx, by, bz) = a.unbind(dim=-1), b.unbind(dim=-1)
-    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    cross = (x.square() + y.square() + z.square()).sqrt()
-    dot = ax * bx + ay * by + az * bz + 0.0  # -0 becomes 0, for a vector that vanishes
-    return torch.atan2(cross, dot)
-
-
-@dataclass(frozen=True)
-class Neighbourhoods:
-    """Each point and its neighbours."""
-
-    index: Int[Tensor, "batch n k"]
-    centre: Float[Tensor, "batch n k 3"]
-    """The point, from the cloud's mean."""
-    offset: Float[Tensor, "batch n k 3"]
-    """From the point to its neighbour."""
-    angles: Float[Tensor, "batch n k 3"]
-    """Of the point's normal and the offset, of the neighbour's and the offset, of the normals."""
-
-
 def neighbourhoods(
     points: Float[Tensor, "batch n 3"],
     normals: Float[Tensor, "batch n 3"] | None,
     radius: float,
     k: int,
-) -> Neighbourhoods:
-    """The ``k`` nearest points within ``radius``; a place left over holds the centre itself.
+) -> tuple[Float[Tensor, "batch n k 10"], Int[Tensor, "batch n k"]]:
+    """Numbers of each point and its neighbours, and the neighbours' index.
 
-    Normals are those given, or estimated from the ``k`` nearest points.
+    (1) where the centre is, from the cloud's mean; (2) the neighbour's offset; (3) the point pair
+    feature of the two: the angles between the centre's normal and the offset, between the
+    neighbour's and the offset, and between the normals, and the offset's length. Neighbours are
+    the ``k`` nearest within ``radius``; a place left over holds the centre itself. Normals are
+    those given, or estimated from the ``k`` nearest points.
 
     Raises:
         ValueError: The cloud has fewer than ``k`` points.
@@ -79,38 +41,28 @@ def neighbourhoods(
     n_centre, n_neighbour = normals.unsqueeze(-2).expand_as(offset), gather_points(normals, index)
     pairs = ((n_centre, offset), (n_neighbour, offset), (n_centre, n_neighbour))
     angles = torch.stack([angle_between(a, b) for a, b in pairs], dim=-1)
-    return Neighbourhoods(index, centre, offset, angles)
+    length = offset.norm(dim=-1, keepdim=True)
+    return torch.cat([centre, offset, angles, length], dim=-1), index
 
 
 @torch.no_grad()
 def describe(
     points: Float[Tensor, "batch n 3"],
+    normals: Float[Tensor, "batch n 3"] | None,
     radius: float,
     k: int,
-    normals: Float[Tensor, "batch n 3"] | None = None,
 ) -> Float[Tensor, "batch n k 11"]:
     """The three descriptors of each point and its neighbours (Yuan et al. 2024, EGST).
 
-    (1) where the centre is, from the cloud's mean; (2) the neighbour's offset; (3) the point
-    pair feature of the two, and the widest angle that the neighbour spans with any point of the
-    cloud. (3) does not change when the cloud moves, (1) and (2) turn with it. Neighbours are the
-    ``k`` nearest within ``radius``; a place left over holds the centre itself. Normals are
-    those given, or estimated from the ``k`` nearest points.
+    Those of :func:`neighbourhoods`, and the widest angle that the neighbour spans with any point
+    of the cloud. The angles and the length do not change when the cloud moves, centre and offset
+    turn with it.
 
     Raises:
         ValueError: The cloud has fewer than ``k`` points.
     """
-    near = neighbourhoods(points, normals, radius, k)
-    return torch.cat(
-        [
-            near.centre,
-            near.offset,
-            near.angles,
-            near.offset.norm(dim=-1, keepdim=True),
-            widest_angle(points, near.index).unsqueeze(-1),
-        ],
-        dim=-1,
-    )
+    pairs, index = neighbourhoods(points, normals, radius, k)
+    return torch.cat([pairs, widest_angle(points, index).unsqueeze(-1)], dim=-1)
 
 
 @torch.no_grad()
@@ -122,27 +74,24 @@ def describe_pairs(
 ) -> Float[Tensor, "batch n k 10"]:
     """RPM-Net's numbers of each point and its neighbours (Yew & Lee 2020, Sec. 4.1).
 
-    (1) where the centre is, from the cloud's mean; (2) the neighbour's offset; (3) the point pair
-    feature of the two. :func:`move` says what a motion does to them. Neighbours are those of
-    :func:`describe`. Where ``normals`` is None they are estimated, and then each is a line without
-    a direction: its angles are folded into [0, pi/2]. A direction could only come from the
-    centroid, and two crops of one object have two.
+    Those of :func:`neighbourhoods`. Where ``normals`` is None they are estimated, and then each
+    is a line without a direction: its angles are folded into [0, pi/2]. A direction could only
+    come from the centroid, and two crops of one object have two.
 
     Raises:
         ValueError: The cloud has fewer than ``k`` points.
     """
-    near = neighbourhoods(points, normals, radius, k)
-    angles = near.angles
+    pairs, _ = neighbourhoods(points, normals, radius, k)
     if normals is None:
-        angles = torch.minimum(angles, torch.pi - angles)
-    length = near.offset.norm(dim=-1, keepdim=True)
-    return torch.cat([near.centre, near.offset, angles, length], dim=-1)
+        angles = pairs[..., 6:9]
+        pairs[..., 6:9] = torch.minimum(angles, torch.pi - angles)
+    return pairs
 
 
 def move(
     descriptors: Float[Tensor, "batch n k dim"], T: Float[Tensor, "batch 4 4"]
 ) -> Float[Tensor, "batch n k dim"]:
-    """What a moved cloud's descriptors are: centres move, offsets turn, the rest stays."""
+    """The descriptors of the moved cloud: centres move, offsets turn, the rest stays."""
     centre, offset, invariant = descriptors.tensor_split((3, 6), dim=-1)
     moved = transform(T, centre[:, :, 0]).unsqueeze(-2).expand_as(centre)
     turned = offset @ T[:, None, :3, :3].mT
@@ -162,7 +111,7 @@ def widest_angle(
 
 
 def _widest_angle(points: Float[Tensor, "n 3"], index: Int[Tensor, "n k"]) -> Float[Tensor, "n k"]:
-    """:func:`widest_angle` of one cloud; buffers are few and used again, so that they stay hot."""
+    """:func:`widest_angle` of one cloud; few buffers, used again, so that they stay in the cache."""
     (n, k), axes = index.shape, points.mT.contiguous()
     offset = nn.functional.normalize(points[index] - points.unsqueeze(1), dim=-1)
     other = offset.norm(dim=-1).argmax(dim=-1)
@@ -186,8 +135,8 @@ def _widest_angle(points: Float[Tensor, "n 3"], index: Int[Tensor, "n k"]) -> Fl
 class StructureEmbedding(nn.Module):
     """Descriptors to one feature per point: an MLP per neighbour, the maximum, an MLP per point."""
 
-    def __init__(self, dim: int, ins: int = DESCRIPTOR_DIM) -> None:
-        """``dim`` of a point's feature, 128 in EGST; ``ins`` numbers tell of a neighbour."""
+    def __init__(self, dim: int, ins: int) -> None:
+        """``dim`` of a point's feature; ``ins`` numbers describe a neighbour."""
         super().__init__()
         self.per_neighbour = nn.ModuleList(
             nn.Linear(i, o) for i, o in ((ins, dim), (dim, dim), (dim, 2 * dim))

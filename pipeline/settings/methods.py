@@ -1,12 +1,14 @@
-"""The settings of the methods, as ``methods`` in params.yaml holds them.
+"""The methods there are, and their settings as ``methods`` in params.yaml holds them.
 
 A method that learns nothing has only settings, one for each name that the tables show. A learned
 one also has a network, which all its settings share. Lengths are in the clouds' unit.
 """
 
-from typing import Annotated, Generic, TypeVar
+from dataclasses import dataclass
+from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from pydantic import Field
+from pydantic.fields import FieldInfo
 
 from pipeline.settings.sections import (
     Count,
@@ -23,7 +25,7 @@ from pipeline.settings.sections import (
 
 
 class NoSetting(Section):
-    """Of a method that has nothing to set."""
+    """A method has nothing to set."""
 
 
 class ICPSetting(Section):
@@ -88,7 +90,7 @@ class DecodedLucasKanade(LucasKanade):
 
 
 class RepeatedRegression(Section):
-    """PCRNet; ``probes`` are the points that its loss asks for their neighbour."""
+    """PCRNet; ``probes`` are the points whose distance to the other cloud its loss takes."""
 
     feature_dim: Count
     train_updates: Count
@@ -158,26 +160,64 @@ class Learned(Section, Generic[Network, Setting]):
 AnyLearned = Learned[Section, Section]
 
 
-class Methods(Section):
-    """The methods, by their names in the tables; those that a profile does not run may be left out."""
+Kind = Literal["floor", "classical", "baseline", "diffused"]
+"""A floor is below what any method should reach; the last two are learned."""
 
-    identity: dict[SettingName, NoSetting] | None = None
-    constant: dict[SettingName, NoSetting] | None = None
-    icp_centroid: dict[SettingName, ICPSetting] | None = None
-    icp: dict[SettingName, ICPSetting] | None = None
-    trimmed_icp: dict[SettingName, TrimmedICPSetting] | None = None
-    gicp: dict[SettingName, ICPSetting] | None = None
-    fgr: dict[SettingName, FGRSetting] | None = None
-    ransac_fpfh: dict[SettingName, FeatureSetting] | None = None
-    small_gicp: dict[SettingName, SmallGICPSetting] | None = None
-    kiss_matcher: dict[SettingName, KISSMatcherSetting] | None = None
-    pointnetlk: Learned[LucasKanade, Updates] | None = None
-    pcrnet: Learned[RepeatedRegression, Updates] | None = None
-    deepgmr: Learned[Mixture, NoSetting] | None = None
-    dcp_v1: Learned[Graph, NoSetting] | None = None
-    dcp_v2: Learned[Graph, NoSetting] | None = None
-    fmr: Learned[DecodedLucasKanade, Updates] | None = None
-    rpmnet: Learned[RepeatedMatching, Updates] | None = None
-    egst: Learned[RepeatedMatching, Updates] | None = None
-    pcrdiffusion_cf: Learned[CorrespondenceFree, NoSetting]
-    pcrdiffusion_cb: Learned[CorrespondenceBased, NoSetting]
+
+@dataclass(frozen=True)
+class Row:
+    """How reports show a method."""
+
+    shown: str
+    """Its name there."""
+    kind: Kind
+
+
+def row(shown: str, kind: Kind) -> Any:  # noqa: ANN401  what pydantic takes for a field
+    """A method's section in params.yaml; a profile may leave out others than PCRDiffusion's."""
+    default = ... if kind == "diffused" else None
+    return Field(default=default, json_schema_extra={"shown": shown, "kind": kind})
+
+
+Settings = dict[SettingName, Setting] | None
+
+
+class Methods(Section):
+    """The catalogue, in the order of the rows: a method's name, sections, name in reports, kind.
+
+    The method itself is the class of that ``name`` in ``pcrdiff/methods/<name>.py``.
+    """
+
+    identity: Settings[NoSetting] = row("Identity", "floor")
+    constant: Settings[NoSetting] = row("Constant (mean pose)", "floor")
+    icp_centroid: Settings[ICPSetting] = row("ICP from the centroids", "floor")
+    icp: Settings[ICPSetting] = row("ICP", "classical")
+    trimmed_icp: Settings[TrimmedICPSetting] = row("Trimmed ICP", "classical")
+    gicp: Settings[ICPSetting] = row("Generalized ICP", "classical")
+    fgr: Settings[FGRSetting] = row("FGR", "classical")
+    ransac_fpfh: Settings[FeatureSetting] = row("RANSAC on FPFH", "classical")
+    small_gicp: Settings[SmallGICPSetting] = row("small_gicp", "classical")
+    kiss_matcher: Settings[KISSMatcherSetting] = row("KISS-Matcher", "classical")
+    pointnetlk: Learned[LucasKanade, Updates] | None = row("PointNetLK", "baseline")
+    pcrnet: Learned[RepeatedRegression, Updates] | None = row("PCRNet", "baseline")
+    deepgmr: Learned[Mixture, NoSetting] | None = row("DeepGMR", "baseline")
+    dcp_v1: Learned[Graph, NoSetting] | None = row("DCP v1", "baseline")
+    dcp_v2: Learned[Graph, NoSetting] | None = row("DCP v2", "baseline")
+    fmr: Learned[DecodedLucasKanade, Updates] | None = row("FMR", "baseline")
+    rpmnet: Learned[RepeatedMatching, Updates] | None = row("RPMNet", "baseline")
+    egst: Learned[RepeatedMatching, Updates] | None = row("EGST", "baseline")
+    pcrdiffusion_cf: Learned[CorrespondenceFree, NoSetting] = row("PCRDiffusion CF", "diffused")
+    pcrdiffusion_cb: Learned[CorrespondenceBased, NoSetting] = row("PCRDiffusion CB", "diffused")
+
+
+def _row(field: FieldInfo) -> Row:
+    return Row(**field.json_schema_extra)  # type: ignore[arg-type]  # a mapping, see `row`
+
+
+CATALOGUE = {name: _row(field) for name, field in Methods.model_fields.items()}
+"""Every method by its name, in the order of the rows."""
+
+
+def names_of(*kinds: Kind) -> list[str]:
+    """The methods of some kinds."""
+    return sorted(name for name, row in CATALOGUE.items() if row.kind in kinds)

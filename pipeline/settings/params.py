@@ -6,10 +6,10 @@ from pathlib import Path
 from reprlib import Repr
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from pipeline.formats.yaml_files import read_yaml
-from pipeline.settings.methods import Methods
+from pipeline.settings.methods import CATALOGUE, Methods, names_of
 from pipeline.settings.sections import (
     Count,
     Distinct,
@@ -162,28 +162,21 @@ class Optimisation(Section):
 
 
 class Train(Section):
-    """Training, one section for each learned method that is trained."""
+    """Training, with one ``Optimisation`` for each learned method that is trained, by its name."""
 
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Optimisation]
     devices: Workers
     """Processes on each host, each with a batch of its own; on GPUs where there are any."""
     nodes: Workers
     """Hosts."""
     poses: Literal["fixed", "fresh"]
-    pointnetlk: Optimisation | None = None
-    pcrnet: Optimisation | None = None
-    deepgmr: Optimisation | None = None
-    dcp_v1: Optimisation | None = None
-    dcp_v2: Optimisation | None = None
-    fmr: Optimisation | None = None
-    rpmnet: Optimisation | None = None
-    egst: Optimisation | None = None
-    pcrdiffusion_cf: Optimisation
-    pcrdiffusion_cb: Optimisation
 
 
-SHOWN = {"pcrdiffusion_cf": "cf", "pcrdiffusion_cb": "cb"}
-"""The methods that walk a pose back from noise, and what the headline numbers call them."""
-DIFFUSED = tuple(SHOWN)
+DIFFUSED = tuple(name for name, row in CATALOGUE.items() if row.kind == "diffused")
+"""The methods that walk a pose back from noise."""
+SHOWN = {name: name.removeprefix("pcrdiffusion_") for name in DIFFUSED}
+"""What the headline numbers call them."""
 
 
 class Sampling(Section):
@@ -293,19 +286,21 @@ class Params(Section):
         """Every method that is named exists and is of the kind that is needed."""
         _check_methods("run.diffused", self.run.diffused, DIFFUSED)
         _check_methods("run.baselines", self.run.baselines, baseline_names())
+        _check_methods("train", self.train.__pydantic_extra__, learned_names())
         _check_methods("trainings", self.trainings, learned_names())
         _check_methods("run.classical", self.run.classical, classical_names())
         _check_methods("ablation.methods", self.ablation.methods, DIFFUSED)
-        _check_methods("ablation.noise.methods", self.ablation.noise.methods, _all_names())
+        _check_methods("ablation.noise.methods", self.ablation.noise.methods, sorted(CATALOGUE))
         self._check_sections()
         self._check_ablated_methods()
 
     def _check_sections(self) -> None:
         """What is run has its section in ``methods``, what is trained in ``train`` too."""
-        run = self.run
-        for method in (*run.diffused, *run.baselines, *run.classical, *self.ablation.noise.methods):
+        run, ablation = self.run, self.ablation
+        ablated = *ablation.methods, *ablation.noise.methods
+        for method in (*run.diffused, *run.baselines, *run.classical, *ablated):
             for name in ("methods", "train") if method in learned_names() else ("methods",):
-                if getattr(getattr(self, name), method) is None:
+                if getattr(getattr(self, name), method, None) is None:
                     raise ValueError(f"{method} needs a section {name}.{method}, there is none")
 
     def _check_ablated_methods(self) -> None:
@@ -381,25 +376,17 @@ def shown_scenario(name: str) -> str:
 
 def learned_names() -> list[str]:
     """The methods that are trained."""
-    return sorted(
-        name
-        for name, field in Train.model_fields.items()
-        if field.annotation in (Optimisation, Optimisation | None)
-    )
+    return names_of("baseline", "diffused")
 
 
 def baseline_names() -> list[str]:
     """The learned methods that do not walk a pose back from noise."""
-    return sorted(set(learned_names()) - set(DIFFUSED))
+    return names_of("baseline")
 
 
 def classical_names() -> list[str]:
     """The methods that are not trained."""
-    return sorted(set(Methods.model_fields) - set(learned_names()))
-
-
-def _all_names() -> list[str]:
-    return sorted(Methods.model_fields)
+    return names_of("floor", "classical")
 
 
 def _check_methods(where: str, methods: Iterable[str], known: Sequence[str]) -> None:

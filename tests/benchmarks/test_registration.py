@@ -5,16 +5,18 @@ import torch
 from torch import Tensor
 
 from benchmarks.registration import Contender, compare_registrations, first_points
-from pcrdiff.registration import LearnedMethod, Pairs
+from pcrdiff.registration import LearnedMethod, Method, Pairs
 
 
-class Shifts:
+class Shifts(Method):
     """Answers the shift of the first point; fails on pairs that it is told to fail on."""
+
+    least_points = 1
 
     def __init__(self, name: str, fails_on: float = -1.0) -> None:
         self.name, self.fails_on = name, fails_on
 
-    def register(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
+    def answer(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
         """Answer every pair, or raise."""
         del generator
         if (source[:, 0, 0] == self.fails_on).any():
@@ -27,14 +29,16 @@ class Shifts:
 class LearnedShifts(LearnedMethod):
     """The same for a method that takes many at once."""
 
+    least_points = 1
+
     def __init__(self, name: str) -> None:
         super().__init__()
         self.name, self.seen = name, list[int]()
 
-    def register(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
+    def answer(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
         """Answer, and note how many pairs came at once."""
         self.seen.append(len(source))
-        return Shifts(self.name).register(source, target, generator=generator)
+        return Shifts(self.name).answer(source, target, generator=generator)
 
     def loss(self, pairs: Pairs, *, generator: torch.Generator) -> dict[str, Tensor]:
         """Nothing to learn."""

@@ -10,13 +10,13 @@ import torch
 from torch import Tensor
 
 from pcrdiff.evaluation import evaluate
-from pcrdiff.registration import Pairs
+from pcrdiff.registration import Method, Normals, Pairs
 from tests.pcrdiff.made_up_clouds import made_up_pairs, random_poses, seeded
 
 T = TypeVar("T")
 
 
-class Guess:
+class Guess(Method):
     """Answers a random pose; on the pairs of ``trouble`` it does what is said there."""
 
     name = "guess"
@@ -24,8 +24,8 @@ class Guess:
     def __init__(self, trouble: dict[int, Exception | float] | None = None) -> None:
         self.trouble, self.asked = trouble or {}, 0
 
-    def register(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
-        """As :class:`pcrdiff.registration.Method` asks."""
+    def answer(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
+        """As :class:`Method` asks."""
         assert len(source) == len(target) == 1
         k, self.asked = self.asked, self.asked + 1
         trouble = self.trouble.get(k)
@@ -107,18 +107,18 @@ def test_progress_is_told_of_every_pair() -> None:
 class Watching(Guess):
     """Remembers how many channels its clouds had."""
 
-    def __init__(self, normals: str) -> None:
+    def __init__(self, normals: Normals) -> None:
         super().__init__()
         self.normals, self.channels = normals, set[int]()
 
-    def register(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
-        """As :class:`pcrdiff.registration.Method` asks."""
+    def answer(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
+        """As :class:`Method` asks."""
         self.channels |= {source.shape[-1], target.shape[-1]}
-        return super().register(source, target, generator=generator)
+        return super().answer(source, target, generator=generator)
 
 
 @pytest.mark.parametrize(("normals", "channels"), [("given", 6), ("estimated", 3)])
-def test_a_method_is_shown_the_normals_that_it_wants(normals: str, channels: int) -> None:
+def test_a_method_is_shown_the_normals_that_it_wants(normals: Normals, channels: int) -> None:
     pairs = five_pairs()
     pairs = replace(pairs, source_normals=pairs.source, target_normals=pairs.target)
     method = Watching(normals)

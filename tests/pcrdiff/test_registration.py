@@ -135,7 +135,7 @@ def test_a_learned_method_must_say_how_it_registers_and_what_it_minimises() -> N
     class Halfway(LearnedMethod):
         """Minimises nothing."""
 
-        def register(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
+        def answer(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
             raise ValueError(source, target, generator)
 
     for incomplete in (LearnedMethod, Halfway):

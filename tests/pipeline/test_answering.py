@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from pcrdiff.evaluation import Estimates
-from pcrdiff.registration import Pairs
+from pcrdiff.registration import Method, Pairs
 from pipeline import catalogue
 from pipeline.answering import (
     answer,
@@ -60,12 +60,12 @@ def test_the_mean_error_is_worked_by_hand_and_counts_what_failed() -> None:
     assert headline({"official": other, "paper": given}) is given
 
 
-class Fussy:
+class Fussy(Method):
     """Answers the identity, but not for clouds whose first point lies left of the origin."""
 
     name = "fussy"
 
-    def register(
+    def answer(
         self, source: torch.Tensor, target: torch.Tensor, *, generator: torch.Generator
     ) -> torch.Tensor:
         """As every method does."""
@@ -90,12 +90,12 @@ def test_a_pair_that_a_method_fails_on_is_counted_and_scored_as_the_identity(
     assert torch.equal(given.T_target_source, torch.eye(4).double().repeat(len(pairs), 1, 1))
 
 
-class Drawing:
+class Drawing(Method):
     """Answers a shift that its generator drew."""
 
     name = "drawing"
 
-    def register(
+    def answer(
         self, source: torch.Tensor, target: torch.Tensor, *, generator: torch.Generator
     ) -> torch.Tensor:
         """As every method does."""

@@ -4,8 +4,9 @@ import pytest
 import torch
 
 from pcrdiff.registration import LearnedMethod, Method
-from pipeline.catalogue import LEARNED, build_classical, build_learned, settings_of
-from pipeline.settings.params import DIFFUSED, Params
+from pipeline.catalogue import build_classical, build_learned, method_class, settings_of
+from pipeline.settings.methods import CATALOGUE, Row, names_of
+from pipeline.settings.params import DIFFUSED, Params, learned_names
 from pipeline.settings.profiles import read_profile
 from tests.described import REPOSITORY
 from tests.pipeline.formats.test_formats import made_up_pairs
@@ -24,8 +25,28 @@ def test_every_classical_method_is_built_once_per_setting(params: Params) -> Non
         assert {method.name for method in built.values()} == {name}
 
 
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_a_method_is_the_class_of_its_name_in_its_own_file(name: str) -> None:
+    found = method_class(name)
+    assert vars(found)["name"] == name
+    assert found.__module__ == f"pcrdiff.methods.{name}"
+
+
+def test_every_file_of_a_method_has_its_line_in_the_catalogue() -> None:
+    files = (REPOSITORY / "pcrdiff" / "methods").glob("*.py")
+    assert {path.stem for path in files} - {"__init__"} == CATALOGUE.keys()
+
+
+def test_a_line_of_the_catalogue_says_how_a_method_is_shown_and_of_which_kind_it_is() -> None:
+    assert CATALOGUE["fgr"] == Row("FGR", "classical")
+    assert [*CATALOGUE][:3] == ["identity", "constant", "icp_centroid"]
+    assert names_of("floor") == ["constant", "icp_centroid", "identity"]
+    assert names_of("diffused", "baseline") == learned_names()
+    assert len({row.shown for row in CATALOGUE.values()}) == len(CATALOGUE)
+
+
 def test_every_learned_method_is_built(params: Params) -> None:
-    for name in LEARNED:
+    for name in learned_names():
         assert "paper" in settings_of(name, params.methods)
         for setting in settings_of(name, params.methods):
             method = build_learned(name, setting, params.methods, params.diffusion)
@@ -34,8 +55,8 @@ def test_every_learned_method_is_built(params: Params) -> None:
 
 
 def test_every_learned_method_is_trained_in_the_tables(params: Params) -> None:
-    assert params.trainings.keys() == LEARNED.keys()
-    assert {*params.run.diffused, *params.run.baselines} == LEARNED.keys()
+    assert params.trainings.keys() == {*learned_names()}
+    assert {*params.run.diffused, *params.run.baselines} == {*learned_names()}
 
 
 def test_the_settings_reach_the_methods(params: Params) -> None:

@@ -10,6 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from pcrdiff.registration import Method
 from pipeline.compute.machine import resident
 from pipeline.settings.params import read_params
 from stages.time import (
@@ -25,7 +26,7 @@ from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from tests.tiny import CF, PAIRS
 
 
-class Slow:
+class Slow(Method):
     """Takes its time and its memory, and fails on every pair but the first."""
 
     name = "slow"
@@ -34,7 +35,7 @@ class Slow:
         self.mebibytes = mebibytes
         self.calls = 0
 
-    def register(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
+    def answer(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
         """The identity, once."""
         del target, generator
         self.calls += 1
@@ -55,6 +56,7 @@ def test_every_pair_is_timed_after_the_warm_up_even_where_the_method_fails() -> 
 
 IN_A_FRESH_PROCESS = """
 from tests.stages.test_time_pairs import Slow
+from pcrdiff.registration import Method
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from pipeline.compute.machine import resident
 from stages.time import time_registrations

@@ -129,7 +129,7 @@ def test_a_checkpoint_is_told_every_param_that_dvc_watches() -> None:
         "train.nodes": changed(params, "train", nodes=2),
         "train.poses": changed(params, "train", poses="fixed"),
         "train.${item.method}": changed(
-            params, "train", **{CF: params.train.pcrdiffusion_cf.model_copy(update={"patience": 9})}
+            params, "train", **{CF: getattr(params.train, CF).model_copy(update={"patience": 9})}
         ),
         "methods.${item.method}.network": changed(
             params,

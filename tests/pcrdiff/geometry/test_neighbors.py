@@ -14,6 +14,7 @@ from pcrdiff.geometry.neighbors import (
     nearest,
     nearest_by_distances,
     nearest_by_trees,
+    row_argmax,
     squared_distances,
 )
 from pcrdiff.geometry.rigid import transform
@@ -109,3 +110,17 @@ def test_a_moved_cloud_has_moved_normals() -> None:
     T = random_poses(2, generator=seeded(10))
     turned = normals_of(points, 10) @ T[:, :3, :3].mT
     torch.testing.assert_close(normals_of(transform(T, points), 10), turned)
+
+
+def test_the_largest_of_each_row_is_found() -> None:
+    scores = torch.randn(50, 301, generator=seeded(0))
+    assert torch.equal(row_argmax(scores), scores.argmax(dim=-1))
+
+
+def test_of_equals_it_is_the_first() -> None:
+    assert row_argmax(torch.tensor([[1.0, 3.0, 3.0], [2.0, 2.0, 2.0]])).tolist() == [1, 0]
+
+
+def test_rows_need_not_lie_along_memory() -> None:
+    scores = torch.randn(7, 5, generator=seeded(1)).mT
+    assert torch.equal(row_argmax(scores), scores.argmax(dim=-1))

@@ -2,12 +2,16 @@
 
 import math
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pcrdiff.geometry.rigid import (
+    centred,
+    centroid_shift,
+    check_pose,
     from_parts,
     from_pose_vector,
     invert,
@@ -93,3 +97,39 @@ def test_refuses_a_vector_whose_quaternion_is_zero() -> None:
 def test_gradients_pass_through_the_way_back_and_forth() -> None:
     vector = pose_vector(random_poses(3, generator=seeded(5))).requires_grad_()
     assert torch.autograd.gradcheck(lambda v: pose_vector(from_pose_vector(v)), vector)
+
+
+def test_the_shift_between_the_centroids_turns_nothing() -> None:
+    source, target = torch.randn(2, 9, 3, generator=seeded(3))
+    shift = centroid_shift(source, target[:7])
+    assert torch.equal(shift[:3, :3], torch.eye(3).double())
+    moved = transform(shift, source.double()).mean(dim=0)
+    torch.testing.assert_close(moved, target[:7].double().mean(dim=0), atol=1e-6, rtol=0)
+
+
+def test_a_centred_cloud_is_carried_back_by_its_pose() -> None:
+    points = torch.randn(9, 3, generator=seeded(3)) + 5
+    p, T = centred(points)
+    torch.testing.assert_close(p.mean(dim=0), torch.zeros(3).double(), atol=1e-12, rtol=0)
+    torch.testing.assert_close(transform(T, p), points.double())
+
+
+POSE = small_pose(20, (0.1, 0.2, 0.3)).numpy()
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        np.full((4, 4), np.nan),
+        np.where(np.eye(4) == 1, POSE, np.inf),
+        POSE @ np.diag([1.0, 1.0, -1.0, 1.0]),
+        POSE @ np.diag([1.1, 1.0, 1.0, 1.0]),
+        np.zeros((4, 4)),
+        np.vstack([POSE[:3], [[0.0, 0.0, 0.1, 1.0]]]),
+    ],
+    ids=["nan", "infinite", "reflection", "stretched", "zeros", "projective"],
+)
+def test_what_is_no_rigid_pose_is_refused(broken: np.ndarray) -> None:
+    assert (check_pose("x", POSE).numpy() == POSE).all()
+    with pytest.raises(ValueError, match=r"^x needs a rigid pose from its library, got \[\["):
+        check_pose("x", broken)

@@ -11,11 +11,13 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from pcrdiff.geometry.rotation import (
+    angle_between,
     euler_from_matrix,
     geodesic_angle,
     matrix_from_euler,
     matrix_from_quaternion,
     quaternion_from_matrix,
+    vee,
 )
 from tests.pcrdiff.made_up_clouds import random_rotations, seeded
 
@@ -115,8 +117,37 @@ def test_the_angle_between_rotations_is_the_angle_of_the_turn(angle: float) -> N
     turned = R @ axis_rotation(torch.tensor([2.0, -1.0, 2.0], dtype=torch.float64), angle)
     measured = geodesic_angle(R, turned)
     assert measured.shape == (3, 2)
-    # arccos loses half the digits at both ends: sqrt(eps) is 1.5e-8
-    torch.testing.assert_close(measured, torch.full_like(measured, angle), atol=1e-7, rtol=0)
+    torch.testing.assert_close(measured, torch.full_like(measured, angle), atol=1e-14, rtol=0)
+
+
+@pytest.mark.parametrize("angle", [1e-9, 1e-12, math.pi - 1e-9, math.pi - 1e-12])
+def test_the_smallest_and_largest_angles_are_resolved(angle: float) -> None:
+    R = random_rotations(20, generator=seeded(6))
+    turned = R @ axis_rotation(torch.tensor([2.0, -1.0, 2.0], dtype=torch.float64), angle)
+    torch.testing.assert_close(
+        geodesic_angle(R, turned),
+        torch.full((20,), angle, dtype=torch.float64),
+        atol=2e-15,
+        rtol=0,
+    )
+
+
+def test_the_angle_of_a_rotation_with_itself_is_zero_to_the_bit() -> None:
+    R = torch.cat([awkward_rotations(), random_rotations(100, generator=seeded(8))])
+    assert (geodesic_angle(R, R) == 0).all()
+
+
+def test_the_angle_is_the_arccosine_where_that_resolves_it() -> None:
+    a, b = random_rotations(2, 100, generator=seeded(7))
+    arccosine = torch.arccos((torch.einsum("nij,nij->n", a, b) - 1) / 2)
+    torch.testing.assert_close(geodesic_angle(a, b), arccosine, atol=1e-12, rtol=0)
+
+
+def test_the_vector_of_a_rotation_is_its_axis_times_twice_the_sine() -> None:
+    axis = torch.tensor([2.0, -1.0, 2.0], dtype=torch.float64)
+    for angle in (1e-9, 0.3, 3.0):
+        expected = 2 * math.sin(angle) * axis / 3
+        torch.testing.assert_close(vee(axis_rotation(axis, angle)), expected, atol=1e-15, rtol=0)
 
 
 def test_the_angle_between_rotations_is_symmetric_and_never_nan() -> None:
@@ -129,4 +160,16 @@ def test_the_angle_between_rotations_is_symmetric_and_never_nan() -> None:
 def test_the_angle_between_rotations_agrees_with_scipy() -> None:
     a, b = random_rotations(2, 100, generator=seeded(7))
     scipy = (Rotation.from_matrix(a.numpy()).inv() * Rotation.from_matrix(b.numpy())).magnitude()
-    np.testing.assert_allclose(geodesic_angle(a, b).numpy(), scipy, atol=1e-7)
+    np.testing.assert_allclose(geodesic_angle(a, b).numpy(), scipy, atol=1e-14)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-7, 1.0, torch.pi / 2, torch.pi - 1e-7, torch.pi])
+def test_an_angle_between_vectors_is_accurate_everywhere(angle: float) -> None:
+    angles = torch.tensor(angle, dtype=torch.float64)
+    a = torch.tensor([3.0, 0, 0], dtype=torch.float64)
+    b = 0.1 * torch.stack([angles.cos(), angles.sin(), torch.zeros_like(angles)])
+    torch.testing.assert_close(angle_between(a, b), angles, atol=1e-14, rtol=0)
+
+
+def test_an_angle_with_nothing_is_zero() -> None:
+    assert angle_between(torch.ones(3), torch.zeros(3)) == 0

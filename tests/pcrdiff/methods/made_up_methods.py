@@ -1,7 +1,7 @@
 """One small copy of every method, and clouds that each of them can read."""
 
 from collections.abc import Callable
-from typing import TypedDict
+from typing import TypedDict, TypeVar
 
 import torch
 
@@ -27,9 +27,9 @@ from pcrdiff.methods.ransac_fpfh import RansacFPFH
 from pcrdiff.methods.rpmnet import RPMNet
 from pcrdiff.methods.small_gicp import SmallGICP
 from pcrdiff.methods.trimmed_icp import TrimmedICP
-from pcrdiff.models.fusion import Fusion
-from pcrdiff.models.pose_encoder import Diffusion
+from pcrdiff.models.pose_encoder import Diffusion, Fusion
 from pcrdiff.models.pose_space import Scaling
+from pcrdiff.models.refinement import RefinedMethod
 from pcrdiff.registration import LearnedMethod, Method
 from tests.pcrdiff.made_up_clouds import random_poses, seeded
 
@@ -83,8 +83,12 @@ def make_fgr() -> FGR:
     return FGR(iterations=64, max_distance=0.01, **FPFH)
 
 
-def make_matching(kind: Callable[..., LearnedMethod]) -> LearnedMethod:
+Refined = TypeVar("Refined", bound=RefinedMethod)
+
+
+def make_matching(kind: Callable[..., Refined]) -> Refined:
     """RPMNet or EGST."""
+    torch.manual_seed(0)
     return kind(
         feature_dim=16, neighbours=6, radius=0.5, train_updates=2, updates=3, normals="estimated"
     )

@@ -10,8 +10,13 @@ from torch import Tensor
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
+from pcrdiff.models.matching import Matchable
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose, true_matches
 from tests.pcrdiff.methods.made_up_methods import WALK, make_cb
+
+
+def match(method: PCRDiffusionCB, x_t: Tensor, t: Tensor, encoded: Matchable) -> Tensor:
+    return method.condition(x_t, t, encoded).matches(method.sinkhorn_iterations)
 
 
 def test_matches_have_a_row_a_source_point_and_a_column_a_target_point() -> None:
@@ -20,9 +25,9 @@ def test_matches_have_a_row_a_source_point_and_a_column_a_target_point() -> None
     x_t, t = torch.randn(2, 7, generator=seeded(3)), torch.tensor([3, 17])
     rows = torch.randperm(30, generator=seeded(4))
     columns = torch.randperm(40, generator=seeded(5))
-    matches = method.match(x_t, t, method.encode(source, target))
+    matches = match(method, x_t, t, method.encode(source, target))
     assert matches.shape == (2, 30, 40)
-    shuffled = method.match(x_t, t, method.encode(source[:, rows], target[:, columns]))
+    shuffled = match(method, x_t, t, method.encode(source[:, rows], target[:, columns]))
     torch.testing.assert_close(shuffled, matches[:, rows][:, :, columns], atol=1e-4, rtol=0)
 
 
@@ -30,9 +35,9 @@ def test_the_noisy_pose_and_its_time_reach_the_matches() -> None:
     method, pairs = make_cb(), made_up_pairs(1, 40, generator=seeded(2))
     clouds = method.encode(pairs.source, pairs.target)
     x_t = torch.randn(1, 7, generator=seeded(3))
-    matches = method.match(x_t, torch.tensor([3]), clouds)
-    assert not torch.allclose(method.match(x_t + 1, torch.tensor([3]), clouds), matches, rtol=1e-3)
-    assert not torch.allclose(method.match(x_t, torch.tensor([19]), clouds), matches, rtol=1e-3)
+    matches = match(method, x_t, torch.tensor([3]), clouds)
+    assert not torch.allclose(match(method, x_t + 1, torch.tensor([3]), clouds), matches, rtol=1e-3)
+    assert not torch.allclose(match(method, x_t, torch.tensor([19]), clouds), matches, rtol=1e-3)
 
 
 def test_features_do_not_know_where_a_cloud_lies() -> None:
@@ -70,7 +75,7 @@ def test_the_right_pose_has_no_point_loss_and_inliers_weigh_a_hundredth(
     pairs = made_up_pairs(2, 40, generator=seeded(0))
     matches = 0.5 * true_matches(pairs)
     method = make_cb()
-    monkeypatch.setattr(method, "match", lambda *_: matches)
+    monkeypatch.setattr(Matchable, "matches", lambda *_: matches)
     terms = method.loss(pairs, generator=seeded(0))
     assert set(terms) == {"diffusion", "points", "inliers"}
     assert terms["diffusion"] < 1e-5

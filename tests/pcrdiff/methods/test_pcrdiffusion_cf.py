@@ -13,20 +13,20 @@ from tests.pcrdiff.methods.made_up_methods import make_cf
 
 
 class Told(PCRDiffusionCF):
-    """Decodes nothing but what it was told, and remembers what it was asked."""
+    """Predicts what it was given, and remembers what it was asked."""
 
-    def __init__(self, answer: Tensor) -> None:
+    def __init__(self, prediction: Tensor) -> None:
         walk = Walk(timesteps=20, steps=4, sampler="ddpm")
         super().__init__(walk, 8, "quaternion", "raw", "source", "with")
-        self.answer = answer
+        self.prediction = prediction
         self.times: list[list[int]] = []
 
     def denoise(self, x_t: Tensor, t: Tensor, encoded: tuple[Tensor, Tensor]) -> Tensor:
-        """The answer."""
+        """The prediction."""
         del encoded
         self.times.append(t.tolist())
-        assert x_t.shape == self.answer.shape
-        return self.answer
+        assert x_t.shape == self.prediction.shape
+        return self.prediction
 
 
 def test_the_losses_are_those_of_equations_15_to_17() -> None:

@@ -2,12 +2,10 @@
 
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 import small_gicp
 import torch
 
-import pcrdiff.methods.small_gicp as module
 from pcrdiff.methods.small_gicp import SmallGICP
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 
@@ -40,12 +38,12 @@ def test_the_start_is_no_answer_where_the_library_does_not_improve_it(
     matched: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pairs = made_up_pairs(1, 200, generator=seeded(3))
-    start = np.eye(4)
+    start = torch.eye(4, dtype=torch.float64)
     start[0, 3] = 50.0
     if matched == "one point":
         p, q = pairs.source[0].double(), pairs.target[0].double()
-        start[:3, 3] = (q[q[:, 0].argmax()] - p[p[:, 0].argmin()]).numpy()
-    monkeypatch.setattr(module, "ransac_fpfh", lambda *_, **__: start)
+        start[:3, 3] = q[q[:, 0].argmax()] - p[p[:, 0].argmin()]
+    monkeypatch.setattr(SmallGICP, "ransac", lambda *_, **__: start)
     with pytest.raises(ValueError, match=r"^small_gicp needs 3 matches within 0\.05, got [01]$"):
         METHOD.register(pairs.source, pairs.target, generator=seeded(0))
 

@@ -1,11 +1,18 @@
-"""F_t: silent at the start, and telling poses and times apart once trained."""
+"""F_t: zero at the start, different for other poses and times once trained, and its fusion."""
 
 import math
 
 import pytest
 import torch
 
-from pcrdiff.models.pose_encoder import PoseEncoder, make_pose_encoder, time_embedding
+from pcrdiff.models.pose_encoder import (
+    FEATURES,
+    Fusion,
+    PoseEncoder,
+    fuse,
+    make_pose_encoder,
+    time_embedding,
+)
 from tests.pcrdiff.made_up_clouds import seeded
 
 
@@ -56,9 +63,32 @@ def test_no_two_times_of_the_schedule_look_alike(dim: int) -> None:
     assert gaps.min() > 0.05
 
 
-def test_without_diffusion_nothing_is_told_of_the_pose() -> None:
+def test_without_diffusion_nothing_is_passed_on_of_the_pose() -> None:
     silent = make_pose_encoder("without", pose_dim=7, dim=16)
     x_t = torch.randn(4, 7, generator=seeded(0))
     assert torch.equal(silent(x_t, torch.full((4,), 3)), torch.zeros(4, 16))
     assert list(silent.parameters()) == []
     assert isinstance(make_pose_encoder("with", pose_dim=7, dim=16), PoseEncoder)
+
+
+POSE, SOURCE, TARGET = torch.randn(3, 5, 8, generator=seeded(0))
+
+
+@pytest.mark.parametrize("fusion", list(FEATURES))
+def test_is_as_wide_as_it_says(fusion: Fusion) -> None:
+    assert fuse(fusion, POSE, SOURCE, TARGET).shape == (5, 8 * FEATURES[fusion])
+
+
+@pytest.mark.parametrize("fusion", list(FEATURES))
+def test_the_pose_changes_only_the_part_it_joins(fusion: Fusion) -> None:
+    changed = fuse(fusion, POSE, SOURCE, TARGET) != fuse(fusion, POSE + 1, SOURCE, TARGET)
+    part = {"source": 0, "target": 1, "concat": 2}[fusion]
+    expected = [index == part for index in range(FEATURES[fusion])]
+    assert [bool(block.all()) for block in torch.split(changed, 8, dim=-1)] == expected
+    assert [bool(block.any()) for block in torch.split(changed, 8, dim=-1)] == expected
+
+
+@pytest.mark.parametrize("fusion", list(FEATURES))
+def test_a_silent_pose_leaves_both_clouds_features_as_they_are(fusion: Fusion) -> None:
+    fused = fuse(fusion, torch.zeros(5, 8), SOURCE, TARGET)
+    assert torch.equal(fused[:, :16], torch.cat([SOURCE, TARGET], dim=-1))

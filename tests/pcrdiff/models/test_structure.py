@@ -7,14 +7,14 @@ from torch import Tensor
 from pcrdiff.geometry import neighbors
 from pcrdiff.geometry.neighbors import estimate_normals, nearest
 from pcrdiff.geometry.rigid import transform
+from pcrdiff.geometry.rotation import angle_between
 from pcrdiff.models import structure
 from pcrdiff.models.structure import (
+    DESCRIPTOR_DIM,
     StructureEmbedding,
-    angle_between,
     describe,
     describe_pairs,
     move,
-    split_normals,
     widest_angle,
 )
 from tests.pcrdiff.largest_tensor import LargestTensor
@@ -41,13 +41,19 @@ def slow_widest_angle(points: Tensor, index: Tensor) -> Tensor:
 
 def test_the_pair_feature_and_the_widest_angle_do_not_change_when_the_cloud_moves() -> None:
     points, T = clouds(), random_poses(2, generator=seeded(1))
-    before, after = describe(points, RADIUS, K), describe(transform(T, points), RADIUS, K)
+    before, after = (
+        describe(points, None, RADIUS, K),
+        describe(transform(T, points), None, RADIUS, K),
+    )
     torch.testing.assert_close(after[..., 6:], before[..., 6:], atol=1e-6, rtol=0)
 
 
 def test_the_centre_and_the_offset_turn_with_the_cloud() -> None:
     points, T = clouds(), random_poses(2, generator=seeded(2))
-    before, after = describe(points, RADIUS, K), describe(transform(T, points), RADIUS, K)
+    before, after = (
+        describe(points, None, RADIUS, K),
+        describe(transform(T, points), None, RADIUS, K),
+    )
     R = T[:, None, :3, :3].mT
     torch.testing.assert_close(after[..., :3], before[..., :3] @ R)
     torch.testing.assert_close(after[..., 3:6], before[..., 3:6] @ R)
@@ -55,13 +61,15 @@ def test_the_centre_and_the_offset_turn_with_the_cloud() -> None:
 
 def test_descriptors_follow_the_order_of_the_points() -> None:
     points, order = clouds(), torch.randperm(120, generator=seeded(3))
-    shuffled = describe(points[:, order], RADIUS, K)
-    torch.testing.assert_close(shuffled, describe(points, RADIUS, K)[:, order], atol=1e-7, rtol=0)
+    shuffled = describe(points[:, order], None, RADIUS, K)
+    torch.testing.assert_close(
+        shuffled, describe(points, None, RADIUS, K)[:, order], atol=1e-7, rtol=0
+    )
 
 
 def test_descriptors_are_what_the_docstring_says() -> None:
     points = clouds()
-    described = describe(points, RADIUS, K)
+    described = describe(points, None, RADIUS, K)
     assert described.shape == (2, 120, K, 11)
     centre, offset, length = described[..., :3], described[..., 3:6], described[..., 9]
     torch.testing.assert_close(centre.mean(dim=1), torch.zeros(2, K, 3, dtype=torch.float64))
@@ -76,7 +84,7 @@ def test_descriptors_are_what_the_docstring_says() -> None:
 
 def test_a_place_without_a_neighbour_holds_the_centre() -> None:
     lonely = torch.cat([clouds(), torch.full((2, 1, 3), 50.0, dtype=torch.float64)], dim=1)
-    offset = describe(lonely, RADIUS, K)[:, -1, :, 3:6]
+    offset = describe(lonely, None, RADIUS, K)[:, -1, :, 3:6]
     assert (offset == 0).all()
 
 
@@ -110,39 +118,27 @@ def test_given_normals_have_a_direction_and_estimated_ones_are_lines() -> None:
 def test_the_two_describe_alike_what_they_share() -> None:
     points = clouds()
     normals = estimate_normals(points, nearest(points, points, K)[1])
-    whole = describe(points, RADIUS, K)
-    assert torch.equal(describe(points, RADIUS, K, normals), whole)
+    whole = describe(points, None, RADIUS, K)
+    assert torch.equal(describe(points, normals, RADIUS, K), whole)
     assert torch.equal(describe_pairs(points, normals, RADIUS, K), whole[..., :10])
-    assert not torch.allclose(describe(points, RADIUS, K, outward(points)), whole)
+    assert not torch.allclose(describe(points, outward(points), RADIUS, K), whole)
 
 
 def test_a_motion_of_descriptors_is_that_of_the_cloud_about_its_old_mean() -> None:
     points, T = clouds(), random_poses(2, generator=seeded(2))
     points = points - points.mean(dim=1, keepdim=True)
-    moved = move(describe(points, RADIUS, K), T)
-    expected = describe(transform(T, points), RADIUS, K)
+    moved = move(describe(points, None, RADIUS, K), T)
+    expected = describe(transform(T, points), None, RADIUS, K)
     expected[..., :3] += T[:, None, None, :3, 3]  # its own mean is the translation
     torch.testing.assert_close(moved, expected, atol=1e-6, rtol=0)
 
 
-def test_refuses_clouds_with_other_channels_than_the_normals_ask_for() -> None:
-    cloud = torch.zeros(1, 9, 6)
-    assert split_normals("x", cloud[..., :3], "estimated")[1] is None
-    normals = split_normals("x", cloud, "given")[1]
-    assert normals is not None
-    assert normals.shape == (1, 9, 3)
-    with pytest.raises(ValueError, match="x with estimated normals needs 3 channels, got 6"):
-        split_normals("x", cloud, "estimated")
-    with pytest.raises(ValueError, match="x with given normals needs 6 channels, got 3"):
-        split_normals("x", cloud[..., :3], "given")
-
-
 def test_blocks_give_what_one_block_gives(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = describe(clouds(), RADIUS, K)
+    whole = describe(clouds(), None, RADIUS, K)
     for block in (1, 2 * K * 120 * 7):
         monkeypatch.setattr(structure, "TRIPLETS", block)
         monkeypatch.setattr(neighbors, "BLOCK", block)
-        torch.testing.assert_close(describe(clouds(), RADIUS, K), whole, atol=1e-7, rtol=0)
+        torch.testing.assert_close(describe(clouds(), None, RADIUS, K), whole, atol=1e-7, rtol=0)
 
 
 def test_no_tensor_grows_with_the_square_of_the_points(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,7 +147,7 @@ def test_no_tensor_grows_with_the_square_of_the_points(monkeypatch: pytest.Monke
     monkeypatch.setattr(neighbors, "BLOCK", block)
     points = lopsided_clouds(1, n, generator=seeded(4))
     with LargestTensor() as watch:
-        describe(points, RADIUS, K)
+        describe(points, None, RADIUS, K)
     largest = watch.entries
     assert n * K * 11 <= largest <= 2 * n * K * 11  # the answer itself; n * n * K is 50 times that
     assert n * K * n > 20 * largest
@@ -173,27 +169,15 @@ def test_a_corner_of_a_tetrahedron_spans_60_degrees() -> None:
     torch.testing.assert_close(angles, torch.full((1, 4, 3), torch.pi / 3))
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-7, 1.0, torch.pi / 2, torch.pi - 1e-7, torch.pi])
-def test_an_angle_between_vectors_is_accurate_everywhere(angle: float) -> None:
-    angles = torch.tensor(angle, dtype=torch.float64)
-    a = torch.tensor([3.0, 0, 0], dtype=torch.float64)
-    b = 0.1 * torch.stack([angles.cos(), angles.sin(), torch.zeros_like(angles)])
-    torch.testing.assert_close(angle_between(a, b), angles, atol=1e-14, rtol=0)
-
-
-def test_an_angle_with_nothing_is_zero() -> None:
-    assert angle_between(torch.ones(3), torch.zeros(3)) == 0
-
-
 def test_refuses_fewer_points_than_neighbours() -> None:
     with pytest.raises(ValueError, match="at least k = 8 points, got 7"):
-        describe(clouds(7), RADIUS, K)
+        describe(clouds(7), None, RADIUS, K)
 
 
 def test_a_feature_does_not_depend_on_the_order_of_neighbours_but_on_its_own_point() -> None:
     torch.manual_seed(0)
-    embed = StructureEmbedding(dim=16)
-    described = describe(clouds().float(), RADIUS, K)
+    embed = StructureEmbedding(16, DESCRIPTOR_DIM)
+    described = describe(clouds().float(), None, RADIUS, K)
     features = embed(described)
     assert features.shape == (2, 120, 16)
     torch.testing.assert_close(embed(described.flip(2)), features)

@@ -49,8 +49,7 @@ class Tiny(LearnedMethod):
         size = 1e-3 * torch.stack([p.square().sum() for p in self.parameters()]).sum()
         return {"pose": pose, "size": size}
 
-    @torch.no_grad()
-    def register(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
+    def answer(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
         """As :class:`pcrdiff.registration.Method` asks."""
         del generator
         return self.predict(source, target)
@@ -199,10 +198,10 @@ def test_a_method_with_given_normals_is_validated_with_them() -> None:
     class Oriented(Tiny):
         normals = "given"
 
-        def register(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
+        def answer(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
             """As :class:`pcrdiff.registration.Method` asks."""
             shown.update({source.shape[-1], target.shape[-1]})
-            return super().register(source[..., :3], target[..., :3], generator=generator)
+            return super().answer(source[..., :3], target[..., :3], generator=generator)
 
     plain = make_trainer()
     val = plain.validation.pairs

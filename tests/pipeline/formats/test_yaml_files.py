@@ -11,6 +11,7 @@ from pipeline.settings.params import read_params
 from pipeline.settings.profiles import changed_values
 from pipeline.tracking.restored import read_lock
 from tests.described import REPOSITORY, read_repository_params, write_yaml
+from tests.tiny import CF
 
 VALUES = {
     "012": 12,
@@ -67,7 +68,7 @@ def test_params_that_dvc_has_set_are_read(tmp_path: Path, text: str) -> None:
     path = tmp_path / "params.yaml"
     write_yaml(path, read_repository_params())
     apply_overrides(path, [f"train.pcrdiffusion_cf.learning_rate={text}"])
-    assert read_params(path).train.pcrdiffusion_cf.learning_rate == 1e-5
+    assert getattr(read_params(path).train, CF).learning_rate == 1e-5
 
 
 def test_a_seed_is_the_one_that_dvc_compares(tmp_path: Path) -> None:

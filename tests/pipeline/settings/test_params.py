@@ -103,6 +103,12 @@ WRONG: dict[str, tuple[Change, str]] = {
         "run.baselines needs trainings.pcrnet, which is not there"),
     "a baseline of no settings": (lambda p: p["methods"].pop("pcrnet"),
         "pcrnet needs a section methods.pcrnet, there is none"),
+    "a section on training a method that learns nothing": (
+        lambda p: p["train"].update(icp=p["train"]["pcrnet"]),
+        "train needs some of ['dcp_v1', "),
+    "an ablated method that nobody says how to train": (
+        lambda p: p["train"].pop("pcrdiffusion_cb"),
+        "pcrdiffusion_cb needs a section train.pcrdiffusion_cb, there is none"),
     "a baseline that nobody says how to train": (lambda p: p["train"].pop("pcrnet"),
         "pcrnet needs a section train.pcrnet, there is none"),
     "a classical method of no settings": (lambda p: p["run"]["classical"].append("gicp"),

@@ -6,8 +6,7 @@ from typing import get_args
 import pytest
 
 from pcrdiff.geometry.representation import REPRESENTATIONS
-from pcrdiff.models.fusion import Fusion
-from pcrdiff.models.pose_encoder import Diffusion
+from pcrdiff.models.pose_encoder import Diffusion, Fusion
 from pcrdiff.models.pose_space import Scaling
 from pipeline.settings import sections
 from pipeline.settings.params import Params, read_params
