@@ -1,4 +1,7 @@
-"""DVC stages ``ablate`` and ``ablate_steps``: one thing varied, everything else as it is."""
+"""DVC stages ``ablate`` and ``ablate_steps``: one thing varied, everything else as it is.
+
+The latter also keeps every pose of a few walks, for the page's slider.
+"""
 
 import argparse
 from collections.abc import Callable, Mapping
@@ -11,7 +14,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from pcrdiff.diffusion.sampling import Walk
+from pcrdiff.diffusion.sampling import Walk, sample
 from pcrdiff.evaluation import Estimates
 from pcrdiff.geometry.precision import search_precision
 from pcrdiff.models.diffused import DiffusedMethod
@@ -21,8 +24,11 @@ from pipeline.catalogue import load_diffused, load_learned
 from pipeline.compute.machine import settle
 from pipeline.formats.answers import write_ablation
 from pipeline.formats.pairs import read_pairs
+from pipeline.formats.walks import Walk as RecordedWalk
+from pipeline.formats.walks import write_walks
 from pipeline.formats.weights import WEIGHTS
 from pipeline.settings.params import Diffusion, Params, pick, read_params
+from pipeline.settings.seeding import stream
 from pipeline.settings.variants import TRAINED, folder_of, setting_of, variants
 from pipeline.tracking.journal import journal
 
@@ -33,6 +39,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--pairs", type=Path, required=True)
     parser.add_argument("--models", type=Path, required=True, help="folder of all weights")
     parser.add_argument("--answers", type=Path, nargs="+", required=True, help="<ablation>.csv")
+    parser.add_argument("--walks", type=Path, help="folder of the walks that the page shows")
     args = parser.parse_args(argv)
 
     params = read_params()
@@ -44,6 +51,8 @@ def main(argv: list[str] | None = None) -> None:
             test, answers = ablate(Given(params, args.pairs, args.models))
             write_ablation(path, test, answers)
             notes.artifact(path)
+        if args.walks:
+            write_all_walks(args.walks, Given(params, args.pairs, args.models))
 
 
 Answers = Mapping[str, Mapping[str, Estimates]]
@@ -155,3 +164,65 @@ ABLATIONS: dict[str, Callable[[Given], tuple[Pairs, Answers]]] = {
     "steps": ablate_steps,
     "hypotheses": ablate_hypotheses,
 }
+
+
+# The walks that the page shows.
+
+
+def write_all_walks(folder: Path, given: Given) -> None:
+    """Write ``<scenario>/<method>.csv``: two rows per step, the noisy pose and the prediction."""
+    scenario = given.params.ablation.scenario
+    for method in given.params.ablation.methods:
+        weights = given.weights(scenario, method)
+        walks = follow_walks(given.params, method, given.pairs, weights)
+        write_walks(folder / scenario / f"{method}.csv", walks)
+
+
+def follow_walks(params: Params, method: str, pairs: Path, weights: Path) -> list[RecordedWalk]:
+    """The walks of a few test pairs, evenly chosen, with the first sampler of Table 7.
+
+    Raises:
+        FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
+    """
+    shown = params.ablation.walk
+    sampler = params.ablation.sampling.samplers[0]
+    varied = {"steps": shown.steps, "sampler": sampler, "hypotheses": 1}
+    diffusion = params.diffusion.model_copy(update=varied)
+    trained = load_diffused(method, params.methods, diffusion, weights)
+    test = read_pairs(pairs, "test")
+    chosen = torch.linspace(0, len(test) - 1, min(shown.pairs, len(test))).round().long().tolist()
+    walks = []
+    for pair in dict.fromkeys(chosen):
+        seed = stream(params.seed, f"walk/{pair}")
+        clouds = test.source[pair : pair + 1], test.target[pair : pair + 1]
+        times, noisy, predicted = follow(trained, *clouds, seed=seed)
+        walks.append(RecordedWalk(method, pair, times, noisy.numpy(), predicted.numpy()))
+    return walks
+
+
+@torch.no_grad()
+def follow(
+    method: DiffusedMethod[Any], source: Tensor, target: Tensor, *, seed: int
+) -> tuple[tuple[int, ...], Tensor, Tensor]:
+    """Walk one pair back as ``register`` does, and keep every step.
+
+    Returns:
+        The time of each step, the noisy pose before it and the prediction made from that, both
+        ``[steps 4 4]`` in float64.
+    """
+    encoded = method.encode(source, target)
+    times, noisy, predicted = list[int](), list[Tensor](), list[Tensor]()
+
+    def denoise(x_t: Tensor, t: Tensor) -> Tensor:
+        x_0 = method.denoise(x_t.to(source), t, encoded)
+        times.append(int(t[0]))
+        noisy.append(x_t)
+        predicted.append(x_0)
+        return x_0
+
+    generator = torch.Generator().manual_seed(seed)
+    sample(denoise, 1, method.space.dim, method.walk, generator=generator)
+    noisy_poses, predicted_poses = (
+        method.space.decode(torch.cat(vectors).double()) for vectors in (noisy, predicted)
+    )
+    return tuple(times), noisy_poses, predicted_poses

@@ -31,7 +31,7 @@ class Walk:
 
 
 def write_walks(path: Path, walks: list[Walk]) -> None:
-    """Write ``results/walks/<scenario>/<method>.csv``: two rows a step."""
+    """Write ``results/walks/<scenario>/<method>.csv``: two rows per step."""
     rows: list[list[object]] = [
         [walk.pair, step, time, kind, *pose[:3].ravel().tolist()]
         for walk in walks

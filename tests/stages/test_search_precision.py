@@ -8,7 +8,7 @@ import pytest
 from pcrdiff.geometry.precision import search_precision
 from tests.tiny import CF, SCENARIO, instance, run_instance, tiny_params, write_params
 
-LEARNED = [f"train@{SCENARIO}-{CF}", f"evaluate@{CF}", "ablate", "ablate_steps", "walk"]
+LEARNED = [f"train@{SCENARIO}-{CF}", f"evaluate@{CF}", "ablate", "ablate_steps"]
 
 
 def journals() -> set[Path]:

@@ -12,10 +12,10 @@ from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pipeline.formats.walks import read_walks, write_walks
 from pipeline.settings.params import read_params
-from stages.walk import follow, follow_walks
+from stages.ablate import follow, follow_walks
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from tests.pcrdiff.methods.made_up_methods import make_cb, make_cf
-from tests.tiny import CF, PAIRS
+from tests.tiny import CB, CF, PAIRS, SCENARIO, instance, refusal, run_instance
 from tests.tiny import weights as weights_file
 
 WALK = Walk(timesteps=20, steps=4, sampler="ddpm")
@@ -64,3 +64,26 @@ def test_a_method_that_does_not_walk_is_refused(project: Path) -> None:
     write_weights(Path("dcp.safetensors"), other.state_dict(), {"method": "dcp_v1"})
     with pytest.raises(ValueError, match="dcp_v1 does not walk back from noise"):
         follow_walks(params, "dcp_v1", project / PAIRS, Path("dcp.safetensors"))
+
+
+def walks_of(method: str) -> Path:
+    """Where the stage writes the walks of a method."""
+    return Path(f"results/walks/{SCENARIO}/{method}.csv")
+
+
+@pytest.mark.parametrize("method", [CF, CB])
+def test_writes_every_step_of_a_few_pairs_the_same_bytes_twice(project: Path, method: str) -> None:
+    before = (project / walks_of(method)).read_bytes()
+    walks = read_walks(walks_of(method))
+    assert [(walk.pair, len(walk.times)) for walk in walks] == [(0, 3), (2, 3)]
+    walks_of(method).unlink()
+    run_instance(instance("ablate_steps"))
+    assert (project / walks_of(method)).read_bytes() == before
+
+
+def test_weights_that_are_not_there_are_named_and_nothing_is_walks_of(project: Path) -> None:
+    (project / weights_file(CF)).unlink()
+    walks_of(CF).unlink()
+    said = refusal("ablate", instance("ablate_steps").argv)
+    assert f"weights are needed at {weights_file(CF)}" in said
+    assert not walks_of(CF).exists()
