@@ -79,7 +79,7 @@ Answer = tuple[Float64[np.ndarray, "4 4"], str]
 
 
 def _normals(task: Task) -> Normals:
-    return getattr(task.method, "normals", "estimated")
+    return task.method.normals
 
 
 def _answer(

@@ -141,7 +141,7 @@ def time_registrations(method: Method, test: Pairs, warm_up: int, before: float)
     Memory is counted from ``before``, in MiB: what a method allocates once, in whichever of its
     settings came first, belongs to it. A pair that the method fails on is timed all the same.
     """
-    clouds = test.clouds(getattr(method, "normals", "estimated"))
+    clouds = test.clouds(method.normals)
     costs = []
     for k in [*([0] * warm_up), *range(len(test))]:
         forget_peak()

@@ -1,1 +1,1 @@
-"""Libraries with native code, called so that whatever they print or crash on ends in one sentence."""
+"""Libraries with native code; what they print, crash on or give up ends in one sentence."""

@@ -1,4 +1,4 @@
-"""What runs in a child of :mod:`pcrdiff.bindings.isolation`: it loads only NumPy and the library."""
+"""What runs in a child of :mod:`pcrdiff.bindings.isolation`; loads NumPy and the library."""
 
 import kiss_matcher
 import numpy as np

@@ -1,4 +1,4 @@
-"""The precision in which maxima are searched: a setting of the process, as in torch's backends."""
+"""The precision in which maxima are searched: a setting of the process."""
 
 from typing import Literal
 
@@ -18,7 +18,7 @@ def multiplies_in_bfloat16() -> bool:
 
 
 def resolve(asked: Asked) -> SearchPrecision:
-    """The precision meant: ``auto`` is bfloat16 where the processor multiplies in it, else float32."""
+    """``auto`` is bfloat16 where the processor multiplies in it, else float32."""
     if asked != "auto":
         return asked
     return "bfloat16" if multiplies_in_bfloat16() else "float32"

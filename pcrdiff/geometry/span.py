@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 TOLERANCE = 1e-6
-"""Width, as a share of the largest coordinate, below which points are one line; float32 has 6e-8."""
+"""Least width off a line, as a share of the largest coordinate; float32 resolves 6e-8."""
 
 
 def spans_plane(points: Float[np.ndarray, "n 3"]) -> bool:

@@ -14,7 +14,7 @@ from pipeline.formats.walks import read_walks, write_walks
 from pipeline.settings.params import read_params
 from stages.ablate import follow, follow_walks
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
-from tests.pcrdiff.methods.made_up_methods import make_cb, make_cf
+from tests.pcrdiff.methods.small_methods import make_cb, make_cf
 from tests.tiny import CB, CF, PAIRS, SCENARIO, instance, refusal, run_instance
 from tests.tiny import weights as weights_file
 

@@ -5,7 +5,7 @@ from torch import Tensor
 
 from pcrdiff.methods.egst import EGST
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
-from tests.pcrdiff.methods.made_up_methods import make_cb, make_matching
+from tests.pcrdiff.methods.small_methods import make_cb, make_matching
 
 
 def test_one_update_of_centred_clouds_matches_as_cb_does_before_its_pose_encoder_has_learnt() -> (

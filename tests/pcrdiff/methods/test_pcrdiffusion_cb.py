@@ -12,7 +12,7 @@ from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.models.matching import Matchable
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose, true_matches
-from tests.pcrdiff.methods.made_up_methods import WALK, make_cb
+from tests.pcrdiff.methods.small_methods import WALK, make_cb
 
 
 def match(method: PCRDiffusionCB, x_t: Tensor, t: Tensor, encoded: Matchable) -> Tensor:

@@ -9,7 +9,7 @@ from pcrdiff.geometry.rigid import from_pose_vector, pose_vector, transform
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.models.losses import chamfer_loss, diffusion_loss, pose_loss
 from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
-from tests.pcrdiff.methods.made_up_methods import make_cf
+from tests.pcrdiff.methods.small_methods import make_cf
 
 
 class Told(PCRDiffusionCF):
