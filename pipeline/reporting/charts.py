@@ -183,7 +183,7 @@ def speed_chart(numbers: pd.DataFrame) -> go.Figure:
         x=costs["value"], y=costs["drawn"],
     )  # fmt: skip
     points = pd.concat([costs, _printed_costs(costs)])
-    figure = draw(points.sort_values("metric", ascending=False, kind="stable"), 470)
+    figure = draw(points.sort_values("metric", ascending=False, kind="stable"), 480)
     figure.update_xaxes(**LOG, col=1).update_xaxes(**LOG_LABELLED, col=2)
     return figure.update_yaxes(**LOG).update_yaxes(title="ERROR(R) [deg]", col=1)
 
@@ -223,7 +223,7 @@ def difficulty_chart(numbers: pd.DataFrame, metric: str) -> go.Figure | None:
         x=points["middle"] + _aside(points),
     )
     points = points.sort_values(["rank", "order", "middle"], kind="stable")
-    figure = draw(points.assign(panel=points["by"].map(DIFFICULTIES), y=points["drawn"]), 440)
+    figure = draw(points.assign(panel=points["by"].map(DIFFICULTIES), y=points["drawn"]), 480)
     for column, (_, panel) in enumerate(points.groupby("rank"), start=1):
         figure.update_xaxes(tickvals=sorted({*panel["middle"]}), col=column)
     figure.update_yaxes(**({"range": [-3, 103]} if percent else LOG))
@@ -252,7 +252,7 @@ def distribution_chart(answers: pd.DataFrame, scenario: str, unit: str) -> go.Fi
     points = points.sort_values("metric", kind="stable")
     says = [f"{y:.0f} % of pairs at most {x:.3g}" for x, y in points[["x", "y"]].to_numpy()]
     panels = [label_of(metric, unit) for metric in points["metric"]]
-    figure = draw(by_method(points.assign(says=says, panel=panels)), 440)
+    figure = draw(by_method(points.assign(says=says, panel=panels)), 480)
     figure.update_traces(line_shape="hv", marker_maxdisplayed=5)
     figure.update_xaxes(**LOG).update_yaxes(range=[0, 101])
     return figure.update_yaxes(title="share of pairs with at most this error [%]", col=1)

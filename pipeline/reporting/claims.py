@@ -5,6 +5,7 @@ The rule of the verdicts is ``verdicts.RULE``; it is printed above the findings.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import pandas as pd
 
@@ -178,7 +179,7 @@ def _improves_by_half(numbers: Numbers, method: str) -> Finding:
         ),
         ours=tuple(sentences),
         verdict=weigh_some(
-            rows, lambda row: above(row, HALF_PERCENT), lambda row: below(row, HALF_PERCENT)
+            rows, partial(above, bound=HALF_PERCENT), partial(below, bound=HALF_PERCENT)
         ),
     )
 
@@ -212,21 +213,13 @@ def _full_overlap(numbers: Numbers) -> Finding:
     )
 
 
-@dataclass(frozen=True)
-class _Ablated:
-    """Two settings of an ablation."""
+def _two_settings(
+    numbers: Numbers, ablation: str, method: str, mine: str, base: str
+) -> tuple[Number | None, tuple[str, ...], bool]:
+    """Give the contrast of two settings, the sentences that say it, and whether either learnt.
 
-    contrast: Number | None
-    told: tuple[str, ...]
-    learnt: bool
-    """Whether either beats the mean training pose; else nothing was learnt that could differ."""
-
-    def weighed(self, verdict: Verdict) -> Verdict:
-        """Withhold a verdict on two settings of which neither has learnt anything."""
-        return verdict if self.learnt or verdict == "not run" else "undecided"
-
-
-def _ablated(numbers: Numbers, ablation: str, method: str, mine: str, base: str) -> _Ablated:
+    What does not beat the mean training pose has learnt nothing that could differ.
+    """
     contrast = numbers.ablated(ablation, method, mine, base)
     ours = {setting: numbers.ablated(ablation, method, setting) for setting in (mine, base)}
     constant = numbers.main(UNSEEN_OBJECTS, "constant")
@@ -235,7 +228,12 @@ def _ablated(numbers: Numbers, ablation: str, method: str, mine: str, base: str)
     told += [f"{setting}: {said(row)}." for setting, row in ours.items() if row]
     if constant and not learnt:
         told.append(f"Neither is below the constant pose, {said(constant)}.")
-    return _Ablated(contrast, tuple(told), learnt)
+    return contrast, tuple(told), learnt
+
+
+def _weighed(verdict: Verdict, learnt: bool) -> Verdict:
+    """Withhold a verdict on two settings of which neither has learnt anything."""
+    return verdict if learnt or verdict == "not run" else "undecided"
 
 
 def _printed(ablation: str, method: str, setting: str) -> float | None:
@@ -243,22 +241,24 @@ def _printed(ablation: str, method: str, setting: str) -> float | None:
 
 
 def _diffusion(numbers: Numbers, method: str) -> Finding:
-    found = _ablated(numbers, "diffusion", method, "diffusion=with", "diffusion=without")
+    with_it, without = "diffusion=with", "diffusion=without"
+    contrast, told, learnt = _two_settings(numbers, "diffusion", method, with_it, without)
+    theirs = [_printed("diffusion", method, setting) for setting in (with_it, without)]
     return Finding(
         topic=f"Gain by diffusion: {shown(method).name[-2:]}",
         claim=(
-            f"Without diffusion the error of {shown(method).name} rises from"
-            f" {_printed('diffusion', method, 'diffusion=with')}° to"
-            f" {_printed('diffusion', method, 'diffusion=without')}° (Table 3)."
+            f"Without diffusion the error of {shown(method).name} rises from {theirs[0]}° to"
+            f" {theirs[1]}° (Table 3)."
         ),
-        ours=found.told,
-        verdict=found.weighed(weigh([found.contrast], below, above)),
+        ours=told,
+        verdict=_weighed(weigh([contrast], below, above), learnt),
     )
 
 
 def _euler(numbers: Numbers) -> Finding:
     base, euler = (f"representation={name},scaling=raw" for name in ("quaternion", "euler"))
-    found = _ablated(numbers, "representation", CB, euler, base)
+    contrast, told, learnt = _two_settings(numbers, "representation", CB, euler, base)
+    theirs = [_printed("representation", CB, setting) for setting in (base, euler)]
     others = [
         f"{setting} minus {base}: {said(row)}."
         for setting in numbers.settings("representation", CB)
@@ -268,40 +268,40 @@ def _euler(numbers: Numbers) -> Finding:
         topic="Representation",
         claim=(
             "Diffusing a quaternion and a translation is better than Euler angles and a"
-            f" translation: {_printed('representation', CB, base)}° against"
-            f" {_printed('representation', CB, euler)}° (Table 4)."
+            f" translation: {theirs[0]}° against {theirs[1]}° (Table 4)."
         ),
-        ours=(*found.told, *others),
-        verdict=found.weighed(weigh([found.contrast], above, below)),
+        ours=(*told, *others),
+        verdict=_weighed(weigh([contrast], above, below), learnt),
     )
 
 
 def _concat(numbers: Numbers) -> Finding:
     contrast = numbers.ablated("fusion", CF, "fusion=concat", ("constant", "paper"))
-    found = _ablated(numbers, "fusion", CF, "fusion=concat", "fusion=source")
-    against = f"fusion=concat minus the constant pose: {said(contrast)}." if contrast else ""
+    _, told, _ = _two_settings(numbers, "fusion", CF, "fusion=concat", "fusion=source")
+    against = [f"fusion=concat minus the constant pose: {said(contrast)}."] if contrast else []
     return Finding(
         topic="Fusion: concatenation",
         claim=(
             "Concatenating the features of the noisy pose and of both clouds does not converge"
             " (Table 5, no numbers). We read: it does not beat the mean training pose."
         ),
-        ours=(*([against] if against else []), *found.told),
+        ours=(*against, *told),
         verdict=weigh([contrast], above, below),
     )
 
 
 def _fused_with_target(numbers: Numbers) -> Finding:
-    found = _ablated(numbers, "fusion", CF, "fusion=target", "fusion=source")
+    source, target = "fusion=source", "fusion=target"
+    contrast, told, learnt = _two_settings(numbers, "fusion", CF, target, source)
+    theirs = [_printed("fusion", CF, setting) for setting in (source, target)]
     return Finding(
         topic="Fusion: source or target",
         claim=(
             "Whether the noisy pose is fused with the source or the target makes no significant"
-            f" difference: {_printed('fusion', CF, 'fusion=source')}° and"
-            f" {_printed('fusion', CF, 'fusion=target')}° (Table 5)."
+            f" difference: {theirs[0]}° and {theirs[1]}° (Table 5)."
         ),
-        ours=found.told,
-        verdict=found.weighed(weigh_same([found.contrast])),
+        ours=told,
+        verdict=_weighed(weigh_same([contrast]), learnt),
     )
 
 
@@ -357,8 +357,8 @@ def _start(numbers: Numbers) -> Finding:
         ),
         verdict=weigh(
             spreads,
-            lambda row: above(row, NO_DIFFERENCE_DEG),
-            lambda row: below(row, NO_DIFFERENCE_DEG),
+            partial(above, bound=NO_DIFFERENCE_DEG),
+            partial(below, bound=NO_DIFFERENCE_DEG),
         ),
     )
 

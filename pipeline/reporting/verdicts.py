@@ -121,11 +121,10 @@ def above(row: Number, bound: float = 0.0) -> bool:
     return row.low > bound
 
 
-def weigh(
-    rows: Sequence[Number | None],
-    claimed: Callable[[Number], bool],
-    refuted: Callable[[Number], bool],
-) -> Verdict:
+Test = Callable[[Number], bool]
+
+
+def weigh(rows: Sequence[Number | None], claimed: Test, refuted: Test) -> Verdict:
     """Weigh a claim about every one of some comparisons; see ``RULE``."""
     found = [row for row in rows if row is not None]
     if any(map(refuted, found)):
@@ -135,9 +134,7 @@ def weigh(
     return "confirmed" if all(map(claimed, found)) else "undecided"
 
 
-def weigh_some(
-    rows: Sequence[Number], claimed: Callable[[Number], bool], refuted: Callable[[Number], bool]
-) -> Verdict:
+def weigh_some(rows: Sequence[Number], claimed: Test, refuted: Test) -> Verdict:
     """Weigh a claim that holds if one of some comparisons is on its side."""
     if not rows:
         return "not run"

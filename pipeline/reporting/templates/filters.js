@@ -16,8 +16,8 @@ function applyFilter() {
   }
   markEmpty();
   for (const row of document.querySelectorAll(".choice > .buttons")) switchPanel(row);
-  document.querySelectorAll(".plot").forEach((plot) => plot.dataset.drawn ? redraw(plot) : inSight(plot) && draw(plot));
-  document.querySelectorAll(".grid").forEach((grid) => grid.classList.toggle("one", scenario !== ""));
+  document.querySelectorAll(".plot").forEach(redraw);
+  document.querySelectorAll(".grid:not(.two)").forEach((grid) => grid.classList.toggle("one", scenario !== ""));
   const all = methodBoxes.length;
   document.getElementById("filtered").textContent = `${chosen.size} of ${all} methods, ${scenario ? "1 data set" : "all data sets"}`;
   writeAddress();
@@ -40,11 +40,6 @@ function switchPanel(row) {  // the panel in front is one that the filter shows
   if (!pressed || !pressed.classList.contains("filtered")) return;
   const other = buttons.find((button) => !button.classList.contains("filtered"));
   if (other) other.click();
-}
-
-function inSight(plot) {
-  const {top, bottom} = plot.getBoundingClientRect();
-  return bottom > -500 && top < innerHeight + 500;
 }
 
 function writeAddress() {

@@ -19,6 +19,10 @@ function isHidden(element) {
   return element.closest("[hidden], .filtered, details:not([open])") !== null;
 }
 
+function reserve(plot) {  // so that a link to a section stays right
+  plot.style.minHeight = `${FIGURES[plot.id].layout.height}px`;
+}
+
 function draw(plot) {
   if (plot.dataset.drawn || isHidden(plot)) return;
   plot.dataset.drawn = "yes";
@@ -30,8 +34,11 @@ function draw(plot) {
 function redraw(plot) {  // after the filter changed
   if (!plot.dataset.drawn || plot.classList.contains("turn")) return;
   const {data, layout} = sifted(FIGURES[plot.id]);
-  if (isHidden(plot)) delete plot.dataset.drawn, Plotly.purge(plot);
-  else Plotly.react(plot, data, {...layout, template: LOOK}, CONFIG).then(() => Plotly.Plots.resize(plot));
+  if (isHidden(plot)) {
+    delete plot.dataset.drawn;
+    Plotly.purge(plot);
+    reserve(plot);
+  } else Plotly.react(plot, data, {...layout, template: LOOK}, CONFIG).then(() => Plotly.Plots.resize(plot));
 }
 
 function sifted(figure) {  // the figure without the methods that the filter hides
@@ -49,16 +56,9 @@ function press(button) {
   for (const other of button.parentElement.querySelectorAll("button")) other.setAttribute("aria-pressed", other === button);
 }
 
-function drawAll(element) {
-  for (const plot of element.querySelectorAll(".plot")) plot.dataset.drawn ? redraw(plot) : draw(plot);
-}
-
 for (const button of document.querySelectorAll("button[data-panel]")) {
   button.addEventListener("click", () => {
     press(button);
     for (const other of button.parentElement.children) document.getElementById(other.dataset.panel).hidden = other !== button;
-    drawAll(document.getElementById(button.dataset.panel));
   });
 }
-
-for (const fold of document.querySelectorAll("details.fold")) fold.addEventListener("toggle", () => fold.open && drawAll(fold));

@@ -143,6 +143,6 @@ for (const card of document.querySelectorAll(".walker")) {
 }
 
 for (const plot of document.querySelectorAll(".plot")) {
-  plot.style.minHeight = `${FIGURES[plot.id].layout.height}px`;  // so that a link to a section stays right
+  reserve(plot);
   sight.observe(plot);
 }
