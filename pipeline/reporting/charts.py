@@ -1,311 +1,304 @@
-"""The PNG charts of how errors are spread, what they cost, and what they depend on."""
+"""The interactive charts of results: errors, ablations, steps, speed, difficulty, training."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterable
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
+import pandas as pd
+from jaxtyping import Int64
+from plotly import graph_objects as go
 
-from pipeline.reporting.canvas import (
-    LEGEND,
-    dress,
-    grid_of_panels,
-    line_style,
-    method_legend,
-    plain_numbers,
-    png,
+from pipeline.reporting.drawing import (
+    BLUE,
+    CYCLE,
+    ERRORS,
+    KINDS,
+    LOG,
+    LOG_LABELLED,
+    SMALLEST,
+    axis_start,
+    by_method,
+    draw,
+    label_of,
+    mark_constant,
+    on_lines,
+    ranks,
+    with_intervals,
+    with_printed,
 )
-from pipeline.reporting.difficulty import OVERLAP, PARTIAL, ROTATION
-from pipeline.reporting.figures import BLUE, GREY, INK, KINDS, RED, method_color
 from pipeline.reporting.paper import (
-    ABLATIONS,
-    BOUND,
     TIMING,
     UNSEEN_OBJECTS,
+    in_order,
     method_rank,
-    place,
-    scenario_rank,
+    setting_rank,
     shown,
+    varied,
 )
-from pipeline.reporting.result_files import Scores, headlines
-from pipeline.reporting.tables import Row
-from pipeline.reporting.views import main_rows, natural, setting_rank
+from pipeline.reporting.reading import Training
+from pipeline.reporting.showing import show_short, unit_of
 
-LEAST_DEG = 1e-3
-EDGE = f"{LEAST_DEG:g} or less at the edge"
-"""Smaller errors are drawn as if they were so large: the axis is logarithmic."""
-SAMPLERS = {"ddpm": ("-", "o", BLUE), "ddim": ("--", "s", RED)}
-"""Dashes, mark and colour."""
-LABELLED = np.array([4.45, 4.7])
-"""Inches of a panel whose points have names."""
-LETTER = 0.062
-"""Of a name's width, in inches."""
-HEIGHTS = [sign * 0.15 * k for k in range(9) for sign in (1, -1)]
-"""Where a name may be above its point, in inches: the nearest first."""
-
-
-def draw_distributions(scores: Sequence[Scores]) -> bytes:
-    """Draw the share of pairs below each ERROR(R), a panel a scenario, a line a method."""
-    main = headlines(scores)
-    scenarios = sorted({scenario for scenario, _ in main}, key=scenario_rank)
-    figure, axes = grid_of_panels(len(scenarios), 3.2, legend=LEGEND)
-    for ax, scenario in zip(axes, scenarios, strict=True):
-        for method in sorted((m for s, m in main if s == scenario), key=method_rank):
-            errors = np.sort(main[scenario, method].numbers["error_r_deg"]).clip(LEAST_DEG)
-            share = 100 * np.arange(1, len(errors) + 1) / len(errors)
-            ax.step([LEAST_DEG, *errors, 180], [0, *share, 100], where="post", **line_style(method))
-        ax.set_xscale("log")
-        ax.set_xlim(LEAST_DEG, 180)
-        ax.set_ylim(0, 102)
-        plain_numbers(ax, "x")
-        dress(ax, place(scenario).title, f"ERROR(R) [deg], {EDGE}", "pairs below [%]")
-    method_legend(figure, [*{method for _, method in main}])
-    return png(figure)
+LINE_HEIGHT = 22
+"""Pixels of a category; the page takes them away with the methods it hides."""
+KIND_SYMBOLS = {"floor": "square", "classical": "triangle-up", "learned": "circle"}
+"""A second sign of the kind, for eyes and printers that do not tell the colours apart."""
+WIDE = 20
+"""Ratio of largest to smallest from which an axis is logarithmic."""
+NOT_TIMED = 1e-6
+"""Seconds below which a printed time is a bound ("< 1e-10"), drawn at the edge."""
+COSTS = {"seconds": "time for a pair [s]", "peak_memory_mib": "peak memory while registering [MiB]"}
+DIFFICULTIES = {
+    "rotation_deg": "true rotation angle [deg]",
+    "overlap": "overlap [share of source points]",
+    "noise": "jitter, standard deviation [unit sphere]",
+}
+MEASURES = {
+    "error_r_deg": "mean ERROR(R) [deg]",
+    "median_error_r_deg": "median ERROR(R) [deg]",
+    "below_5_deg_percent": "pairs below 5° [%]",
+    "error_t": "mean ERROR(t) [unit sphere]",
+}
+SMALLEST_BINNED = 1e-4
 
 
-def draw_accuracy_time(rows: Sequence[Row]) -> bytes:
-    """Draw ERROR(R) against seconds: ours at the left, the paper's at the right."""
-    at = {
-        (row.method, row.setting, row.metric): row
-        for row in rows
-        if (row.table, row.kind) == (TIMING.table, "line")
-    }
-    points = [
-        (seconds, at[method, setting, "error_r_deg"])
-        for (method, setting, metric), seconds in at.items()
-        if metric == "seconds" and (method, setting, "error_r_deg") in at
+def headlines(numbers: pd.DataFrame, metric: str) -> pd.DataFrame:
+    """Pick a metric of one line of each method: all pairs, the paper's setting where it was run."""
+    main = numbers["headline"] & (numbers["kind"] == "line") & (numbers["subset"] == "all")
+    return numbers[main & (numbers["metric"] == metric)]
+
+
+def errors_chart(numbers: pd.DataFrame, scenario: str, metric: str, unit: str) -> go.Figure:
+    """Draw the methods of one scenario against error; all scenarios share one logarithmic scale."""
+    chosen = headlines(numbers, metric)
+    names = [shown(method).name for method in in_order(chosen["method"])]
+    start = axis_start(chosen, metric)
+    here = with_intervals(chosen[chosen["scenario"] == scenario], start)
+    kinds = here["method"].map(lambda method: shown(method).kind)
+    symbols = kinds.map(KIND_SYMBOLS).mask(here["value"] < start, "triangle-left")
+    looks = {"label": kinds, "color": kinds.map(KINDS), "symbol": symbols}
+    points = with_printed(here.assign(panel="", dash="", **looks))
+    y = points["method"].map(lambda method: shown(method).name)
+    figure = draw(points.assign(x=points["drawn"], y=y), LINE_HEIGHT * len(names) + 60, bars="x")
+    on_lines(figure, names)
+    mark_constant(figure, here, start)
+    top = np.nanmax([10 * start, *chosen["high"], *chosen["paper"]])
+    extent = np.log10([start / 1.6, top * 1.6]).tolist()
+    figure.update_xaxes(**LOG, range=extent, title=label_of(metric, unit))
+    return figure.update_layout(showlegend=False, margin={"l": 20, "r": 12, "t": 8, "b": 44})
+
+
+def ablated(numbers: pd.DataFrame, ablation: str, kind: str = "line") -> pd.DataFrame:
+    """Pick both mean errors of an ablation's settings, on all pairs of unseen objects."""
+    chosen = (numbers["ablation"] == ablation) & (numbers["kind"] == kind)
+    chosen &= (numbers["subset"] == "all") & numbers["metric"].isin(ERRORS)
+    return numbers[chosen & (numbers["scenario"] == UNSEEN_OBJECTS)]
+
+
+def ablation_chart(numbers: pd.DataFrame, ablation: str, unit: str) -> go.Figure:
+    """Draw an ablation's settings against error: rotation at the left, translation at the right."""
+    rows = ablated(numbers, ablation)
+    keys = [
+        (method_rank(row.method), pd.isna(row.paper), setting_rank(row.setting)[1])
+        for row in rows.itertuples()
     ]
-    figure, (ours, theirs) = grid_of_panels(2, 5.6, columns=2, legend=1.7)
-    for seconds, error in points:
-        _draw_cost(ours, seconds, error)
-    printed = [
-        Named(seconds.paper, (seconds.paper,) * 2, error.paper, shown(error.method).name)
-        for seconds, error in points
-        if error.setting == "paper" and seconds.paper and error.paper and seconds.paper > BOUND
-    ]
-    for one in printed:
-        theirs.plot([one.x], [one.y], "D", color=INK, mfc="none", ms=7)
-    named = [Named(s.value, (s.low, s.high), max(e.value, LEAST_DEG), _name(e)) for s, e in points]
-    title = "printed in the paper (CF is printed as below 1e-10 s)"
-    for ax, text, labels in ((ours, "ours", named), (theirs, title, printed)):
-        ax.set_xscale("log")
-        ax.set_yscale("log")
-        dress(ax, text, "time a pair [s]", "ERROR(R) [deg], ModelNet40, unseen objects")
-        _label(ax, labels)
-        plain_numbers(ax, "xy")
-    marks = [
-        *(Line2D([], [], color=color, marker="o", ls="") for color in KINDS.values()),
-        Line2D([], [], color=INK, marker="o", mfc="white", ls=""),
-    ]
-    names = [*KINDS, "authors' own settings"]
-    figure.legend(marks, names, loc="upper right", fontsize=8, frameon=False)
-    return png(figure)
+    rows = rows.iloc[sorted(range(len(rows)), key=keys.__getitem__)]  # what the paper has first
+    starts = {metric: axis_start(rows[rows["metric"] == metric], metric) for metric in ERRORS}
+    looks = {"label": "ours, 95 % interval", "color": BLUE, "symbol": "circle", "dash": ""}
+    points = with_intervals(rows, rows["metric"].map(starts)).assign(**looks)
+    points = with_printed(points.assign(panel=[label_of(name, unit) for name in rows["metric"]]))
+    names = [*map(ablated_name, points["method"], points["setting"])]
+    height = LINE_HEIGHT * len({*names}) + 110
+    figure = on_lines(draw(points.assign(x=points["drawn"], y=names), height, bars="x"), names)
+    for column, metric in enumerate(ERRORS, start=1):
+        drawn = points.loc[(points["metric"] == metric) & (points["drawn"] > 0), "drawn"]
+        wide = drawn.max() > WIDE * drawn.min()
+        figure.update_xaxes(**(LOG if wide else {"rangemode": "tozero"}), col=column)
+        main = headlines(numbers, metric)
+        here = main[main["scenario"] == UNSEEN_OBJECTS]
+        mark_constant(figure, here, starts[metric], column)
+    return figure.update_layout(legend={"orientation": "h", "y": 0, "yref": "container"})
 
 
-def _name(row: Row) -> str:
-    return shown(row.method).name + ("" if row.setting == "paper" else f" ({row.setting})")
+def ablated_name(method: str, setting: str) -> str:
+    """Say which line of an ablation this is: the method and the values, without their keys."""
+    values = varied(setting)
+    said = ", ".join(values.values()).replace("_", " ")
+    if "diffusion" in values:
+        said += " diffusion"
+    if "hypotheses" in values:
+        said += f" random start{'s' * (said != '1')}"
+    return f"{shown(method).name}, {said}"
 
 
-def _draw_cost(ax: Axes, seconds: Row, error: Row) -> None:
-    low, y, high = (max(number, LEAST_DEG) for number in (error.low, error.value, error.high))
-    color = KINDS[shown(error.method).kind]
-    ax.plot([seconds.low, seconds.high], [y, y], color=color, lw=1.2)
-    ax.plot([seconds.value] * 2, [low, high], color=color, lw=1.2)
-    inside = color if error.setting == "paper" else "white"
-    mark = "o" if error.value >= LEAST_DEG else "v"
-    ax.plot([seconds.value], [y], mark, color=color, mfc=inside, ms=7)
+def steps_chart(numbers: pd.DataFrame, unit: str) -> go.Figure:
+    """Draw error against sampling steps: rotation at the left, translation at the right.
 
-
-class Named(NamedTuple):
-    """A point of a logarithmic panel, how far its bar reaches across, and its name."""
-
-    x: float
-    reach: tuple[float, float]
-    y: float
-    name: str
-
-
-def _label(ax: Axes, points: Sequence[Named]) -> None:
-    """Name points, each beside its own and off all points and other names."""
-    if not points:
-        return
-    where = np.log10([(one.x, one.y) for one in points])
-    low, high = where.min(axis=0), where.max(axis=0)
-    low, high = low - 0.12 * (high - low) - 0.1, high + 0.15 * (high - low) + 0.1
-    ax.set_xlim(*10 ** np.array([low[0], high[0]]))
-    ax.set_ylim(*10 ** np.array([low[1], high[1]]))
-    inches = (where - low) / (high - low) * LABELLED
-    bars = (np.log10([one.reach for one in points]) - low[0]) / (high - low)[0] * LABELLED[0]
-    bars = bars + np.array([-0.07, 0.07])
-    taken = [
-        (left, y - 0.06, right, y + 0.06)
-        for (left, right), (_, y) in zip(bars, inches, strict=True)
-    ]
-    for one, (x, y), (left, right) in zip(points, inches, bars, strict=True):
-        wide = LETTER * len(one.name)
-        starts = [(begin, y + up) for up in HEIGHTS for begin in (right, left - wide, x - wide / 2)]
-        boxes = [(begin, at - 0.07, begin + wide, at + 0.07) for begin, at in starts]
-        inside = [box for box in boxes if box[0] > 0 and box[2] < LABELLED[0]]
-        free = (box for box in inside if not any(_meet(box, other) for other in taken))
-        box = next(free, boxes[0])
-        taken.append(box)
-        up = box[1] + 0.07 - y
-        line = {"arrowstyle": "-", "color": GREY, "lw": 0.6, "shrinkA": 0, "shrinkB": 3}
-        ax.annotate(
-            one.name, (one.x, one.y), (72 * (box[0] - x), 72 * up), textcoords="offset points",
-            fontsize=8, va="center", arrowprops=line if abs(up) > 0.1 else None,
-        )  # fmt: skip
-
-
-def _meet(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
-
-
-def draw_difficulty(rows: Sequence[Row]) -> bytes:
-    """Draw ERROR(R) against the true angle, the overlap, and the noise; only what there is."""
-    panels = {
-        f"{ROTATION}=": (UNSEEN_OBJECTS, "true rotation [deg]"),
-        f"{OVERLAP}=": (PARTIAL, "overlap: share of source points"),
-        "noise=": (UNSEEN_OBJECTS, "deviation of the noise [unit sphere]"),
-    }
-    found = {
-        start: [
-            row
-            for row in rows
-            if (row.scenario, row.subset, row.metric) == (scenario, "all", "error_r_deg")
-            and row.kind in ("bin", "line")
-            and row.setting.startswith(start)
-        ]
-        for start, (scenario, _) in panels.items()
-    }
-    there = [start for start in panels if found[start]]
-    figure, axes = grid_of_panels(len(there), 4.6, legend=LEGEND)
-    for ax, start in zip(axes, there, strict=True):
-        scenario, label = panels[start]
-        _draw_dependence(ax, found[start])
-        ax.set_yscale("log")
-        plain_numbers(ax, "y")
-        title = "ModelNet40, noise added" if start == "noise=" else place(scenario).title
-        dress(ax, title, label, f"ERROR(R) [deg], {EDGE}")
-    method_legend(figure, [*{row.method for here in found.values() for row in here}])
-    return png(figure)
-
-
-def _draw_dependence(ax: Axes, rows: Sequence[Row]) -> None:
-    """Draw a line a method, with the intervals of CF and CB."""
-    for method in sorted({row.method for row in rows}, key=method_rank):
-        here = sorted((row for row in rows if row.method == method), key=lambda row: _middle(row))
-        x = [_middle(row) for row in here]
-        low, y, high = (
-            np.maximum([getattr(row, name) for row in here], LEAST_DEG)
-            for name in ("low", "value", "high")
-        )
-        style = line_style(method)
-        ax.plot(x, y, marker=".", ms=5, **style)
-        if method.startswith("pcrdiffusion"):
-            ax.fill_between(x, low, high, color=style["color"], alpha=0.18, lw=0)
-
-
-def _middle(row: Row) -> float:
-    """Where a row stands: the middle of its bin, or the value that was varied."""
-    numbers = row.setting.partition("=")[2].split("-")
-    return sum(map(float, numbers)) / len(numbers)
-
-
-def draw_steps(rows: Sequence[Row]) -> bytes:
-    """Draw ERROR(R) against sampling steps, a panel a method: intervals, draws, the paper's."""
-    here = [
-        row
-        for row in rows
-        if (row.table, row.subset, row.metric) == (ABLATIONS["steps"].table, "all", "error_r_deg")
-        and row.kind in ("line", "draw")
-    ]
-    methods = sorted({row.method for row in here}, key=method_rank)
-    figure, axes = grid_of_panels(len(methods), 3.8, columns=2)
-    for ax, method in zip(axes, methods, strict=True):
-        mine = [row for row in here if row.method == method]
-        for shift, sampler in zip((0.97, 1.03), SAMPLERS, strict=True):
-            _draw_sampler(ax, [row for row in mine if sampler in row.setting], sampler, shift)
-        printed = [(_num_steps(row), row.paper) for row in mine if row.paper is not None]
-        if printed:
-            x, y = zip(*sorted(printed), strict=True)
-            ax.plot(x, y, "D-", color=INK, mfc="none", ms=7, lw=1, label="printed in the paper")
-        ticks = sorted({_num_steps(row) for row in mine})
-        ax.set_xscale("log", base=2)
-        ax.set_xticks(ticks, [str(tick) for tick in ticks])
-        ax.set_ylim(bottom=0)
-        ax.legend(fontsize=8, frameon=False, loc="lower right")
-        dress(ax, shown(method).name, "sampling steps", "ERROR(R) [deg]")
-    return png(figure)
-
-
-def _draw_sampler(ax: Axes, rows: Sequence[Row], sampler: str, shift: float) -> None:
-    """Draw one sampler: the first draw with its interval over pairs, further draws as strokes."""
-    lines = sorted(
-        (row for row in rows if row.kind == "line"), key=lambda row: natural(row.setting)
+    A line for each sampler, with the intervals over pairs; strokes are further draws of the noise.
+    """
+    looks = {"ddpm": ("circle", "solid"), "ddim": ("square", "dot")}
+    lines, draws = (_on_steps(ablated(numbers, "steps", kind), unit) for kind in ("line", "draw"))
+    labels = [*dict.fromkeys(lines["label"])]
+    lines = lines.assign(
+        symbol=lines["sampler"].map(lambda name: looks[name][0]),
+        dash=lines["sampler"].map(lambda name: looks[name][1]),
     )
-    if not lines:
-        return
-    dashes, mark, color = SAMPLERS[sampler]
-    x = [shift * _num_steps(row) for row in lines]
-    y = [row.value for row in lines]
-    off = [[row.value - row.low for row in lines], [row.high - row.value for row in lines]]
-    name = f"{sampler.upper()}, 95 % interval over pairs"
-    ax.errorbar(x, y, off, color=color, ls=dashes, marker=mark, ms=5, lw=1.4, capsize=3, label=name)
-    draws = [row for row in rows if row.kind == "draw"]
-    if draws:
-        at = [shift**3 * _num_steps(row) for row in draws]
-        label = f"{sampler.upper()}, further draws of the noise"
-        ax.plot(at, [row.value for row in draws], "_", color=color, ms=11, mew=1.6, label=label)
+    strokes = draws.assign(symbol="line-ew-open", dash="", minus=np.nan, plus=np.nan)
+    points = pd.concat([lines, strokes], ignore_index=True)
+    points["color"] = [CYCLE[labels.index(label) % len(CYCLE)] for label in points["label"]]
+    points = with_printed(points)
+    figure = draw(points.assign(y=points["drawn"]), 380)
+    figure.update_xaxes(type="log", tickvals=sorted({*points["x"]}), title="sampling steps")
+    return figure.update_yaxes(rangemode="tozero")
 
 
-def _num_steps(row: Row) -> int:
-    return int(row.setting.partition("=")[2].partition(",")[0])
+def _on_steps(rows: pd.DataFrame, unit: str) -> pd.DataFrame:
+    samplers = rows["sampler"].fillna("ddpm")
+    names = rows["method"].map(lambda method: shown(method).name)
+    points = with_intervals(rows).assign(
+        sampler=samplers,
+        label=names + ", " + samplers.str.upper(),
+        x=rows["steps"].astype(int),
+        panel=[label_of(metric, unit) for metric in rows["metric"]],
+    )
+    return points.sort_values(["metric", "method", "sampler", "x"], kind="stable")
 
 
-def draw_ablations(rows: Sequence[Row]) -> bytes:
-    """Draw Tables 3 to 5: a dot and an interval a setting, and the paper's where it has one."""
-    names = ("diffusion", "representation", "fusion")
-    found = {
-        name: [
-            row
-            for row in rows
-            if (row.table, row.subset, row.metric) == (ABLATIONS[name].table, "all", "error_r_deg")
-            and row.kind == "line"
-        ]
-        for name in names
-    }
-    there = [name for name in names if found[name]]
-    figure, axes = grid_of_panels(len(there), 3.6, columns=2, labels=1.95)
-    constant = main_rows(rows, "error_r_deg").get((UNSEEN_OBJECTS, "constant"))
-    for ax, name in zip(axes, there, strict=True):
-        _draw_settings(ax, found[name])
-        if constant:
-            ax.axvline(constant.value, color=GREY, lw=1, ls=":", label="constant pose")
-        ax.set_xscale("log")
-        plain_numbers(ax, "x")
-        at = ABLATIONS[name]
-        dress(ax, f"Table {at.table}: {at.title.lower()}", "ERROR(R) [deg]", "")
-        ax.legend(fontsize=7, frameon=False, loc="best")
-    return png(figure)
-
-
-def _draw_settings(ax: Axes, rows: Sequence[Row]) -> None:
-    ordered = sorted(rows, key=lambda row: (method_rank(row.method), setting_rank(row.setting)))
-    several = len({row.method for row in rows}) > 1
-    for y, row in enumerate(ordered):
-        color = method_color(row.method)
-        ax.plot([row.low, row.high], [y, y], color=color, lw=1.8)
-        ax.plot([row.value], [y], "o", color=color, ms=6, label="ours" if y == 0 else None)
-    printed = [(row.paper, y) for y, row in enumerate(ordered) if row.paper is not None]
-    if printed:
-        x, at = zip(*printed, strict=True)
-        ax.plot(x, at, "D", color=INK, mfc="none", ms=6, label="the paper's")
-    labels = [
-        (f"{shown(row.method).name[-2:]}: " if several else "")
-        + ", ".join(part.partition("=")[2] for part in row.setting.split(","))
-        for row in ordered
+def speed_chart(numbers: pd.DataFrame) -> go.Figure:
+    """Draw error against seconds per pair at the left, against memory at the right."""
+    timed = numbers[(numbers["table"] == TIMING.table) & (numbers["kind"] == "line")]
+    errors = timed[timed["metric"] == "error_r_deg"]
+    errors = with_intervals(errors, axis_start(errors, "error_r_deg"))
+    line = ["method", "setting"]
+    names = [*line, "drawn", "minus", "plus", "says", "paper"]
+    costs = timed[timed["metric"].isin([*COSTS])].merge(
+        errors[names], on=line, suffixes=("", "_of_error")
+    )
+    costs = by_method(costs.sort_values("method", key=ranks, kind="stable"))
+    others = costs["setting"].map(lambda name: "" if name == "paper" else f" ({name})")
+    said = [
+        f"{row.says}<br>{show_short(row.value)} {unit_of(row.metric, '')}"
+        for row in costs.itertuples()
     ]
-    ax.set_yticks(range(len(ordered)), labels)
-    ax.set_ylim(len(ordered) - 0.4, -0.6)
+    costs = costs.assign(
+        panel=costs["metric"].map(COSTS), label=costs["label"] + others, dash="", says=said,
+        x=costs["value"], y=costs["drawn"],
+    )  # fmt: skip
+    points = pd.concat([costs, _printed_costs(costs)])
+    figure = draw(points.sort_values("metric", ascending=False, kind="stable"), 480)
+    figure.update_xaxes(**LOG, col=1).update_xaxes(**LOG_LABELLED, col=2)
+    return figure.update_yaxes(**LOG).update_yaxes(title="ERROR(R) [deg]", col=1)
+
+
+def _printed_costs(costs: pd.DataFrame) -> pd.DataFrame:
+    """Draw what the paper prints hollow; a bound on a time sits at the left edge, as a triangle."""
+    own = (costs["metric"] == "seconds") & (costs["setting"] == "paper")
+    printed = costs[own & costs["paper"].notna() & costs["paper_of_error"].notna()]
+    fastest = max(costs.loc[costs["metric"] == "seconds", "value"].min(), NOT_TIMED)
+    bound = printed["paper"] < NOT_TIMED
+    return printed.assign(
+        x=printed["paper"].mask(bound, 10 ** (np.floor(np.log10(fastest)) - 1)),
+        y=printed["paper_of_error"],
+        symbol=(printed["symbol"] + "-open").mask(bound, "triangle-left-open"),
+        says=[
+            f"<b>{row.label}</b>, paper<br>{'below ' * (row.paper < NOT_TIMED)}{row.paper:g} s"
+            f"<br>ERROR(R) {row.paper_of_error:g} deg"
+            for row in printed.itertuples()
+        ],
+        minus=np.nan, plus=np.nan,
+    )  # fmt: skip
+
+
+def difficulty_chart(numbers: pd.DataFrame, metric: str) -> go.Figure | None:
+    """Draw a metric against rotation angle, overlap and noise; None if nothing was binned."""
+    noise = numbers["noise"].where(numbers["kind"] == "line").astype(float)
+    middle = ((numbers["bin_low"] + numbers["bin_high"]) / 2).fillna(noise)
+    kept = (numbers["metric"] == metric) & (numbers["subset"] == "all") & middle.notna()
+    rows = numbers.assign(by=numbers["by"].mask(noise.notna(), "noise"), middle=middle)[kept]
+    if rows.empty:
+        return None
+    percent = metric.endswith("_percent")
+    points = by_method(with_intervals(rows, 0.0 if percent else SMALLEST_BINNED))
+    points = points.assign(
+        order=ranks(points["method"]),
+        rank=points["by"].map([*DIFFICULTIES].index),
+        x=points["middle"] + _aside(points),
+    )
+    points = points.sort_values(["rank", "order", "middle"], kind="stable")
+    figure = draw(points.assign(panel=points["by"].map(DIFFICULTIES), y=points["drawn"]), 480)
+    for column, (_, panel) in enumerate(points.groupby("rank"), start=1):
+        figure.update_xaxes(tickvals=sorted({*panel["middle"]}), col=column)
+    figure.update_yaxes(**({"range": [-3, 103]} if percent else LOG))
+    return figure.update_yaxes(title=MEASURES[metric], col=1)
+
+
+def _aside(points: pd.DataFrame) -> pd.Series:
+    """Shift the methods of a panel apart, by half the narrowest bin altogether."""
+    panel = points["by"]
+    place = ranks(points["method"]).groupby(panel).rank("dense")
+    count = place.groupby(panel).transform("max")
+    narrowest = (
+        points["middle"]
+        .groupby(panel)
+        .transform(lambda middles: min(np.diff(np.unique(middles)), default=1.0))
+    )
+    return 0.5 * narrowest * (place - (1 + count) / 2) / count
+
+
+def distribution_chart(answers: pd.DataFrame, scenario: str, unit: str) -> go.Figure:
+    """Draw the share of pairs below each error: rotation at the left, translation at the right."""
+    here = answers[answers["headline"] & (answers["scenario"] == scenario)]
+    errors = here.melt("method", [*ERRORS], "metric", "error")
+    points = cumulative(errors)
+    points = points.sort_values("method", key=ranks, kind="stable")
+    points = points.sort_values("metric", kind="stable")
+    says = [f"{y:.0f} % of pairs at most {x:.3g}" for x, y in points[["x", "y"]].to_numpy()]
+    panels = [label_of(metric, unit) for metric in points["metric"]]
+    figure = draw(by_method(points.assign(says=says, panel=panels)), 480)
+    figure.update_traces(line_shape="hv", marker_maxdisplayed=5)
+    figure.update_xaxes(**LOG).update_yaxes(range=[0, 101])
+    return figure.update_yaxes(title="share of pairs with at most this error [%]", col=1)
+
+
+def cumulative(errors: pd.DataFrame, most: int = 120) -> pd.DataFrame:
+    """Give, for each metric and method, the percentage of pairs (y) up to each error (x), thinned.
+
+    Args:
+        errors: A row per pair and metric: ``method``, ``metric``, ``error``.
+        most: How many points of a line are kept.
+    """
+    least = errors["metric"].map(SMALLEST)
+    errors = errors.assign(error=errors["error"].clip(lower=least)).sort_values("error")
+    errors = errors.sort_values(["metric", "method"], kind="stable")
+    line = errors.groupby(["metric", "method"])["error"]
+    place, count = line.cumcount(), line.transform("count")
+    kept = (place + 1) * most // count != place * most // count  # the last of each of as many parts
+    points = errors.assign(x=errors["error"], y=100 * (place + 1) / count)[kept]
+    rounded = {name: [float(f"{value:.4g}") for value in points[name]] for name in "xy"}
+    return points.assign(**rounded)
+
+
+def curves_chart(trainings: Iterable[Training]) -> go.Figure:
+    """Draw the trainings of one scenario: loss at the left, validation error at the right."""
+    panels = {"loss": "training loss", "val_error_r_deg": "validation ERROR(R) [deg]"}
+    points = pd.concat(
+        [
+            curve_points(one.curve, column).assign(method=one.method, panel=panel)
+            for column, panel in panels.items()
+            for one in trainings
+        ]
+    )
+    says = [f"step {x:g}: {y:.4g}" for x, y in points[["x", "y"]].to_numpy()]
+    figure = draw(by_method(points.assign(says=says)), 360)
+    figure.update_traces(marker_maxdisplayed=12)
+    figure.update_xaxes(rangemode="tozero", title="training step")
+    return figure.update_yaxes(**LOG_LABELLED)
+
+
+def curve_points(curve: pd.DataFrame, column: str, most: int = 500) -> pd.DataFrame:
+    """Give a column (y) by its training steps (x), leaving gaps out and thinning long curves."""
+    points = curve.reindex(columns=["step", column]).set_axis(["x", "y"], axis=1).dropna()
+    return points.iloc[thinned(len(points), most)]
+
+
+def thinned(count: int, most: int) -> Int64[np.ndarray, " kept"]:
+    """Choose at most so many of a row of things, evenly, from the first to the last."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))

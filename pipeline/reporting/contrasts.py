@@ -1,15 +1,10 @@
-"""Which results are held against which, pair by pair."""
+"""Which sets of answers are held against which, pair by pair."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+import pandas as pd
 
-import numpy as np
-from jaxtyping import Float64, Int64
+from pipeline.reporting.paper import RIVALS, TIMING, UNSEEN_OBJECTS
+from pipeline.reporting.reading import NOISE, SET
 
-from pipeline.reporting.paper import RIVALS, UNSEEN_OBJECTS
-from pipeline.reporting.result_files import Scores, Times, headlines
-
-MINUS = " minus "
 BASES = {
     "diffusion": "diffusion=without",
     "representation": "representation=quaternion,scaling=raw",
@@ -18,94 +13,63 @@ BASES = {
     "hypotheses": "hypotheses=1",
 }
 """By ablation, the setting that its others are held against."""
-DRAW = ",draw="
+NOISY = "pcrdiffusion_cb"
+"""The method that is held against the others under the same noise."""
 
 
-@dataclass(frozen=True)
-class Contrast:
-    """What one method scored under one setting, held against another's on the same pairs."""
+def pick_contrasts(answers: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
+    """Hold CF and CB against every method, and each ablation's settings against its base.
 
-    mine: Scores | Times
-    base: Scores | Times
-    metrics: tuple[str, ...]
-
-    @property
-    def setting(self) -> str:
-        """Name it: ``A minus B``, or ``A minus <method>:B`` against another method."""
-        other = "" if self.base.method == self.mine.method else f"{self.base.method}:"
-        return f"{self.mine.setting}{MINUS}{other}{self.base.setting}"
-
-    @property
-    def is_rival(self) -> bool:
-        """Whether it is one of ours against a method of its family in the paper."""
-        main = isinstance(self.mine, Scores) and self.mine.ablation is None
-        return main and self.base.method in RIVALS.get(self.mine.method, ())
-
-    @property
-    def failures(self) -> int:
-        """Pairs on which either failed."""
-        mine, base = self._common()
-        return int((self.mine.failed[mine] | self.base.failed[base]).sum())
-
-    def columns(
-        self, metric: str
-    ) -> tuple[Float64[np.ndarray, " pairs"], Float64[np.ndarray, " pairs"]]:
-        """Give the metric of both on the pairs that both have."""
-        mine, base = self._common()
-        return self.mine.numbers[metric][mine], self.base.numbers[metric][base]
-
-    def _common(self) -> tuple[Int64[np.ndarray, " pairs"], Int64[np.ndarray, " pairs"]]:
-        _, mine, base = np.intersect1d(
-            self.mine.pair, self.base.pair, assume_unique=True, return_indices=True
+    Returns:
+        A row for each contrast: the columns ``SET`` of what is held against a base, those of the
+        base (``table_base``, ...), and ``metrics``.
+    """
+    sets = pd.concat([answers, times])
+    sets = sets.loc[sets["draw"] == 0, [*SET, "headline"]].drop_duplicates()
+    pairs = sets.merge(sets, how="cross", suffixes=("", "_base"))
+    pairs = pairs[pairs["scenario"] == pairs["scenario_base"]]
+    chosen = [
+        pairs[mask].assign(metrics=[metrics] * int(mask.sum()))
+        for mask, metrics in (
+            (_main(pairs), ("error_r_deg", "error_t")),
+            (_within_ablations(pairs), ("error_r_deg", "error_t")),
+            (_fused_against_constant(pairs), ("error_r_deg",)),
+            (_under_the_same_noise(pairs), ("error_r_deg",)),
+            (_times(pairs), ("seconds",)),
         )
-        return mine, base
-
-
-def make_contrasts(scores: Sequence[Scores], times: Iterable[Times]) -> list[Contrast]:
-    """Hold CF and CB against every method, and each ablation's settings against its base."""
-    errors = ("error_r_deg", "error_t")
-    main = headlines(scores)
-    across = [
-        Contrast(one, base, errors)
-        for (scenario, method), one in main.items()
-        for (where, other), base in main.items()
-        if method in RIVALS and where == scenario and other not in (method, "identity")
     ]
-    bases = {(one.ablation, one.scenario, one.method, one.setting): one for one in scores}
-    within = [
-        Contrast(one, bases[key], errors)
-        for one in scores
-        if one.ablation in BASES and DRAW not in one.setting
-        for key in [(one.ablation, one.scenario, one.method, BASES[one.ablation])]
-        if key in bases and one.setting != BASES[one.ablation]
-    ]
-    return [*across, *within, *_across_ablated(scores), *_of_times(list(times))]
+    return pd.concat(chosen, ignore_index=True)
 
 
-def _across_ablated(scores: Sequence[Scores]) -> list[Contrast]:
-    """Hold fusions against the constant pose, and CB under noise against others under the same."""
-    constant = headlines(scores).get((UNSEEN_OBJECTS, "constant"))
-    fused = [one for one in scores if (one.ablation, one.scenario) == ("fusion", UNSEEN_OBJECTS)]
-    noisy = [one for one in scores if one.ablation == "noise"]
-    return [
-        *(Contrast(one, constant, ("error_r_deg",)) for one in fused if constant),
-        *(
-            Contrast(one, base, ("error_r_deg",))
-            for one in noisy
-            for base in noisy
-            if one.method == "pcrdiffusion_cb" != base.method
-            and (one.scenario, one.setting) == (base.scenario, base.setting)
-        ),
-    ]
+def _across(pairs: pd.DataFrame) -> pd.Series:
+    ours = pairs["method"].isin([*RIVALS]) & (pairs["method"] != pairs["method_base"])
+    return (
+        ours & pairs["headline"] & pairs["headline_base"] & (pairs["table"] == pairs["table_base"])
+    )
 
 
-def _of_times(times: Sequence[Times]) -> list[Contrast]:
-    """Hold the seconds of CF and CB against those of every method, in the paper's setting."""
-    paper = {one.method: one for one in times if one.setting == "paper"}
-    first = paper | {one.method: one for one in times if one.method not in paper}
-    return [
-        Contrast(one, base, ("seconds",))
-        for method, one in paper.items()
-        for base in first.values()
-        if method in RIVALS and base.method != method and len({*one.pair} & {*base.pair})
-    ]
+def _main(pairs: pd.DataFrame) -> pd.Series:
+    return _across(pairs) & (pairs["table"] != TIMING.table) & (pairs["method_base"] != "identity")
+
+
+def _times(pairs: pd.DataFrame) -> pd.Series:
+    return _across(pairs) & (pairs["table"] == TIMING.table) & (pairs["setting"] == "paper")
+
+
+def _within_ablations(pairs: pd.DataFrame) -> pd.Series:
+    same = pairs["ablation"] == pairs["ablation_base"]
+    same &= pairs["method"] == pairs["method_base"]
+    base = pairs["setting_base"] == pairs["ablation"].map(BASES)
+    return same & base & (pairs["setting"] != pairs["setting_base"])
+
+
+def _fused_against_constant(pairs: pd.DataFrame) -> pd.Series:
+    fused = (pairs["ablation"] == "fusion") & (pairs["scenario"] == UNSEEN_OBJECTS)
+    constant = pairs["headline_base"] & (pairs["table_base"] != TIMING.table)
+    return fused & constant & (pairs["method_base"] == "constant")
+
+
+def _under_the_same_noise(pairs: pd.DataFrame) -> pd.Series:
+    noisy = (pairs["ablation"] == NOISE) & (pairs["ablation_base"] == NOISE)
+    same = noisy & (pairs["setting"] == pairs["setting_base"])
+    return same & (pairs["method"] == NOISY) & (pairs["method_base"] != NOISY)

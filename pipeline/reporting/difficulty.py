@@ -1,65 +1,56 @@
-"""How hard each test pair is, and the pairs of like difficulty."""
+"""How hard each test pair is, and the bins of pairs of similar difficulty."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float64, Int64
+import pandas as pd
+import torch
+from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
+from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.registration import Pairs
-from pipeline.reporting.background import PairFile
 from pipeline.reporting.paper import UNSEEN_OBJECTS
+from pipeline.reporting.reading import PairFile
 
 PARTIAL = "modelnet40-partial"
 ROTATION, OVERLAP = "rotation_deg", "overlap"
 WIDTHS = {ROTATION: 15.0, OVERLAP: 0.1}
 """Of a bin; an angle in degrees, an overlap as a share of the source points."""
+LARGEST = {ROTATION: 180.0, OVERLAP: 1.0}
 REACH = 0.05
 """How far a moved source point may be from a target point that it overlaps with."""
-FEWEST = 5
-"""Pairs in a bin; one with fewer has no rows."""
 
 
-@dataclass(frozen=True)
-class Difficulty:
-    """One measure of how hard the test pairs of a scenario are."""
+def measure_difficulty(files: Mapping[str, PairFile]) -> pd.DataFrame:
+    """Measure the test pairs: the true angle on unseen objects, the overlap on partial clouds.
 
-    scenario: str
-    name: str
-    """``rotation_deg`` or ``overlap``."""
-    values: Float64[np.ndarray, " pairs"]
-
-    def bins(self, pair: Int64[np.ndarray, " chosen"]) -> dict[str, Int64[np.ndarray, " inside"]]:
-        """Sort pairs into bins: by ``<name>=<low>-<high>``, the places in ``pair``."""
-        width = WIDTHS[self.name]
-        last = {ROTATION: 180.0, OVERLAP: 1.0}[self.name] / width - 1
-        number = np.minimum(np.floor(self.values[pair] / width + 1e-9), round(last))
-        found = {
-            f"{self.name}={low * width:g}-{(low + 1) * width:g}": np.flatnonzero(number == low)
-            for low in np.unique(number)
-        }
-        return {name: inside for name, inside in found.items() if len(inside) >= FEWEST}
-
-
-def measure_difficulties(files: Mapping[str, PairFile]) -> list[Difficulty]:
-    """Measure the test pairs: the true angle on unseen objects, the overlap on partial clouds."""
-    measures: dict[str, tuple[str, Callable[[Pairs], Float64[np.ndarray, " pairs"]]]] = {
-        UNSEEN_OBJECTS: (ROTATION, rotation_deg),
-        PARTIAL: (OVERLAP, overlap),
-    }
-    return [
-        Difficulty(scenario, name, measure(files[scenario].test))
-        for scenario, (name, measure) in measures.items()
+    Returns:
+        A row for each pair of these scenarios: ``scenario``, ``pair``, ``by`` (``rotation_deg`` or
+        ``overlap``), and the bin that it falls in, ``bin_low`` to ``bin_high``.
+    """
+    measures = [(UNSEEN_OBJECTS, ROTATION, rotation_deg), (PARTIAL, OVERLAP, overlap)]
+    frames = [
+        bin_pairs(scenario, by, measure(files[scenario].test))
+        for scenario, by, measure in measures
         if scenario in files
     ]
+    return pd.concat([bin_pairs("", ROTATION, np.array([])), *frames], ignore_index=True)
+
+
+def bin_pairs(scenario: str, by: str, values: Float64[np.ndarray, " pairs"]) -> pd.DataFrame:
+    """Say which bin each pair's value falls in; the largest value belongs to the last bin."""
+    last = round(LARGEST[by] / WIDTHS[by]) - 1
+    number = np.minimum(np.floor(values / WIDTHS[by] + 1e-9), last)
+    edges = {"bin_low": number * WIDTHS[by], "bin_high": (number + 1) * WIDTHS[by]}
+    return pd.DataFrame({"pair": np.arange(len(values)), **edges}).assign(scenario=scenario, by=by)
 
 
 def rotation_deg(pairs: Pairs) -> Float64[np.ndarray, " pairs"]:
     """Give the angle of each true rotation in degrees."""
-    R = pairs.T_target_source[:, :3, :3].double().numpy()
-    cosine = (np.trace(R, axis1=1, axis2=2) - 1) / 2
-    return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    still = torch.eye(4, dtype=torch.float64).expand(len(pairs), 4, 4)
+    angles: Float64[np.ndarray, " pairs"] = error_r_deg(pairs.T_target_source, still).numpy()
+    return angles
 
 
 def overlap(pairs: Pairs) -> Float64[np.ndarray, " pairs"]:

@@ -1,110 +1,145 @@
-"""The PNG pictures: the same rows and pairs, the same bytes."""
+"""The PNG pictures of clouds: a pair before and after, and the pairs as every method put them."""
 
-from collections.abc import Callable, Sequence
+import base64
+import io
+from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float64
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
 
-from pipeline.reporting.background import Training
-from pipeline.reporting.canvas import COLUMNS, dress, grid_of_panels, plain_numbers, png
-from pipeline.reporting.charts import (
-    draw_ablations,
-    draw_accuracy_time,
-    draw_difficulty,
-    draw_distributions,
-    draw_steps,
+from pipeline.reporting.clouds import Cloud, Example, thin
+from pipeline.reporting.drawing import BLUE, GREEN, INK, ORANGE, ranks
+from pipeline.reporting.paper import shown
+from pipeline.reporting.showing import show_bound
+
+DPI = 110
+WIDTH = 12.4
+"""Of a panel of all methods, in inches: 1364 pixels, the width of a laptop's screen."""
+COLUMNS = 7
+TILE = (WIDTH / COLUMNS, 1.2)
+PAIR_TILE = (2.2, 1.9)
+"""Width and height of a tile, in inches."""
+NAME_HEIGHT, HEAD_HEIGHT = 0.32, 0.36
+"""Of the two lines above a tile, and of a block's heading, in inches."""
+ELEVATION_DEG = {"kitti": 55.0}
+"""Of the eye above the ground; a street is seen from higher up than the others."""
+AZIMUTH_DEG = 45.0
+LEGEND = (
+    "Blue: source; orange: target; green: source as registered. Under each method its ERROR(R) on"
+    " this pair, in degrees."
 )
-from pipeline.reporting.difficulty import OVERLAP, ROTATION
-from pipeline.reporting.figures import (
-    GREY,
-    INK,
-    KINDS,
-    axis_start,
-    curve_points,
-    method_color,
-)
-from pipeline.reporting.overlays import Overlay
-from pipeline.reporting.panels import draw_panel
-from pipeline.reporting.paper import TIMING, method_rank, place, scenario_rank, shown
-from pipeline.reporting.result_files import Scores
-from pipeline.reporting.tables import Row
-from pipeline.reporting.views import TRAINED, main_rows
+Colored = Sequence[tuple[Cloud, str]]
 
 
-def draw_all(
-    rows: Sequence[Row],
-    overlays: Sequence[Overlay],
-    trainings: Sequence[Training],
-    scores: Sequence[Scores] = (),
-) -> dict[str, bytes]:
-    """Draw every picture, as PNG bytes by file name; where there is nothing to draw, none."""
-    main = [training for training in trainings if training.setting is None and training.curve]
-    kinds = {row.setting.partition("=")[0] for row in rows if row.kind in ("line", "bin")}
-    timed = any(row.table == TIMING.table for row in rows)
-    candidates: list[tuple[str, object, Callable[[], bytes]]] = [
-        ("errors.png", True, lambda: draw_errors(rows)),
-        ("curves.png", main, lambda: draw_curves(main)),
-        ("distributions.png", scores, lambda: draw_distributions(scores)),
-        ("accuracy_time.png", timed, lambda: draw_accuracy_time(rows)),
-        ("difficulty.png", kinds & {ROTATION, OVERLAP, "noise"}, lambda: draw_difficulty(rows)),
-        ("steps.png", kinds & {"steps"}, lambda: draw_steps(rows)),
-        ("ablations.png", kinds & {*TRAINED}, lambda: draw_ablations(rows)),
-    ]
-    pictures = {name: draw() for name, needed, draw in candidates if needed}
-    panels = {one.facts.scenario.partition("-")[0]: one for one in overlays}
-    return pictures | {f"panels_{name}.png": draw_panel(one) for name, one in panels.items()}
+def draw_pictures(examples: Sequence[Example]) -> dict[str, bytes]:
+    """Draw two pictures of each data set, as PNG bytes by file name: same pairs, same bytes."""
+    pictures = {}
+    for dataset in dict.fromkeys(example.dataset for example in examples):
+        mine = [example for example in examples if example.dataset == dataset]
+        median = next(example for example in mine if example.choice == "median")
+        pictures[f"pair_{dataset}.png"] = draw_pair(median)
+        pictures[f"panels_{dataset}.png"] = draw_panels(mine)
+    return pictures
 
 
-def draw_errors(rows: Sequence[Row]) -> bytes:
-    """Draw methods against ERROR(R), a panel for each scenario."""
-    chosen = main_rows(rows, "error_r_deg")
-    scenarios = sorted({scenario for scenario, _ in chosen}, key=scenario_rank)
-    methods = sorted({method for _, method in chosen}, key=method_rank)
-    start = axis_start(chosen.values(), "error_r_deg")
-    figure, axes = grid_of_panels(len(scenarios), 0.24 * len(methods) + 0.9, labels=0.1, left=1.6)
-    for index, (ax, scenario) in enumerate(zip(axes, scenarios, strict=True)):
-        if index:
-            ax.sharex(axes[0])
-            ax.sharey(axes[0])
-        here = [chosen[scenario, m] for m in methods if (scenario, m) in chosen]
-        _draw_panel(ax, here, methods, start)
-        dress(ax, place(scenario).title, "ERROR(R) [deg], 95 % interval; open: the paper's", "")
-        ax.tick_params(labelleft=index % COLUMNS == 0)
-    axes[0].set_xscale("log")
-    plain_numbers(axes[0], "x")
+def embedded(picture: bytes) -> str:
+    """Write a PNG picture as an address that holds it."""
+    return f"data:image/png;base64,{base64.b64encode(picture).decode()}"
+
+
+def draw_pair(example: Example) -> bytes:
+    """Draw a pair before registration, at the left, and after it by the method that chose it."""
+    figure, ax = _canvas(2 * PAIR_TILE[0], PAIR_TILE[1])
+    target = (thin(example.target, 900), ORANGE)
+    answer = example.answers.iloc[0].to_dict()
+    tiles = {
+        "before": [target, (thin(example.source, 900), BLUE)],
+        "after": [target, (thin(example.registered(answer), 900), GREEN)],
+    }
+    for column, (name, clouds) in enumerate(tiles.items()):
+        left = column * PAIR_TILE[0]
+        ax.text(left + 0.1, PAIR_TILE[1] - 0.08, name, fontsize=9, va="top", color=INK)
+        _draw_tile(ax, clouds, clouds, (left, 0.0), PAIR_TILE, example.dataset)
     return png(figure)
 
 
-def _draw_panel(ax: Axes, rows: Sequence[Row], methods: Sequence[str], start: float) -> None:
-    y = np.array([methods.index(row.method) for row in rows])
-    low, x, high, paper = (
-        np.array([np.nan if (number := getattr(row, name)) is None else number for row in rows])
-        for name in ("low", "value", "high", "paper")
-    )
-    colors = [KINDS[shown(row.method).kind] for row in rows]
-    ax.hlines(y, low.clip(start), high.clip(start), colors=colors, lw=1.5)
-    for mark, some in (("<", x < start), ("o", x >= start)):
-        ax.scatter(x[some].clip(start), y[some], s=36, c=np.array(colors)[some], marker=mark)
-    ax.scatter(paper, y, s=25, c="none", marker="D", edgecolors=INK)
-    for row in rows:
-        if row.method == "constant":
-            ax.axvline(max(row.value, start), color=GREY, lw=0.8, ls=":")
-    ax.set_yticks(range(len(methods)), [shown(method).name for method in methods])
-    ax.set_ylim(len(methods) - 0.4, -0.6)
-
-
-def draw_curves(trainings: Sequence[Training]) -> bytes:
-    """Draw the validation error of every training, a panel for each scenario."""
-    scenarios = sorted({one.scenario for one in trainings if one.curve}, key=scenario_rank)
-    figure, axes = grid_of_panels(len(scenarios), 2.6)
-    for ax, scenario in zip(axes, scenarios, strict=True):
-        for one in (one for one in trainings if one.scenario == scenario and one.curve):
-            points = curve_points(one.curve, "val_error_r_deg")
-            color, name = method_color(one.method), shown(one.method).name
-            mark = "." if len(points[0]) <= 6 else None  # one look at the validation is a dot
-            ax.plot(*points, color=color, lw=1.4, marker=mark, label=name)
-        ax.set_yscale("log")
-        plain_numbers(ax, "y")
-        ax.legend(fontsize=7, frameon=False, loc="upper right")
-        dress(ax, place(scenario).title, "training step", "validation ERROR(R) [deg]")
+def draw_panels(examples: Sequence[Example]) -> bytes:
+    """Draw pairs one below the other; in each, the pair first, then every method."""
+    rows = -(-(len(examples[0].answers) + 1) // COLUMNS)
+    block_height = HEAD_HEIGHT + rows * (TILE[1] + NAME_HEIGHT)
+    height = len(examples) * block_height + HEAD_HEIGHT
+    figure, ax = _canvas(WIDTH, height)
+    ax.text(0.12, height - 0.1, LEGEND, fontsize=9, va="top", color=INK)
+    for number, example in enumerate(examples):
+        top = height - HEAD_HEIGHT - number * block_height
+        chooser = shown(example.answers["method"].iloc[0]).name
+        heading = f"{example.title}: the {example.choice} pair of {chooser}"
+        heading += f" (test pair {example.pair}, {example.group})"
+        ax.text(0.12, top, heading, fontsize=10, va="top", weight="bold")
+        _draw_block(ax, example, top - 0.6 * HEAD_HEIGHT)
     return png(figure)
+
+
+def _canvas(width: float, height: float) -> tuple[Figure, Axes]:
+    """Make one panel for all tiles, measured in inches."""
+    figure = Figure(figsize=(width, height))
+    ax = figure.add_axes((0, 0, 1, 1))
+    ax.set(xlim=(0, width), ylim=(0, height))
+    ax.set_axis_off()
+    return figure, ax
+
+
+def _draw_block(ax: Axes, example: Example, top: float) -> None:
+    target = (thin(example.target, 350), ORANGE)
+    pair = [target, (thin(example.source, 350), BLUE)]
+    tiles = [("source and target", pair, pair)]
+    for answer in example.answers.sort_values("method", key=ranks).to_dict("records"):
+        error = (
+            "failed" if answer["failed"] else show_bound("error_deg", answer["error_r_deg"]) + "°"
+        )
+        registered = (thin(example.registered(answer), 350), GREEN)
+        tiles.append((f"{shown(answer['method']).name}\n{error}", [target, registered], [target]))
+    for index, (name, clouds, framed) in enumerate(tiles):
+        row, column = divmod(index, COLUMNS)
+        corner = column * TILE[0], top - (row + 1) * (TILE[1] + NAME_HEIGHT)
+        middle = corner[0] + TILE[0] / 2, corner[1] + TILE[1]
+        ax.text(*middle, name, fontsize=8, ha="center", va="bottom", linespacing=1.05)
+        _draw_tile(ax, clouds, framed, corner, TILE, example.dataset)
+
+
+def _draw_tile(
+    ax: Axes, clouds: Colored, framed: Colored, corner: tuple[float, float],
+    size: tuple[float, float], dataset: str,
+) -> None:  # fmt: skip
+    """Draw clouds as the eye sees them; ``framed`` fit the tile, and what falls outside is cut."""
+    elevation = np.radians(ELEVATION_DEG.get(dataset, 28.0))
+    frame = np.concatenate([project(cloud, elevation)[:, :2] for cloud, _ in framed])
+    low, high = np.percentile(frame, [1, 99], axis=0)
+    scale = 1 / (1.12 * ((high - low) / size).max())
+    for dot, (cloud, color) in zip((2.5, 1.6), clouds, strict=True):
+        at = scale * (project(cloud, elevation)[:, :2] - (low + high) / 2) + np.divide(size, 2)
+        at = at[((at >= 0) & (at <= size)).all(axis=1)] + corner
+        ax.plot(at[:, 0], at[:, 1], "o", color=color, ms=dot, mew=0)
+
+
+def project(cloud: Cloud, elevation: float) -> Float64[np.ndarray, "points 3"]:
+    """Give what lies right of, above and towards an eye at ``elevation`` [rad] at infinity."""
+    azimuth = np.radians(AZIMUTH_DEG)
+    eye = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
+                    np.sin(elevation)])  # fmt: skip
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    return np.asarray(cloud @ np.stack([right, np.cross(eye, right), eye], axis=-1))
+
+
+def png(figure: Figure) -> bytes:
+    """Render in 256 colours, without a date or a version: the same figure, the same bytes."""
+    figure.set_dpi(DPI)
+    canvas, small = FigureCanvasAgg(figure), io.BytesIO()
+    drawn, size = canvas.print_to_buffer()  # type: ignore[no-untyped-call]  # has no annotations
+    image = Image.frombytes("RGBA", size, drawn).convert("RGB")
+    image.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(small, "png")
+    return small.getvalue()

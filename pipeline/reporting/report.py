@@ -1,22 +1,32 @@
 """From folders of results to everything under ``reports/``."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+import pandas as pd
+
 from pipeline.formats.benchmarks import read_benchmarks
-from pipeline.formats.walks import Walk, read_walks
-from pipeline.reporting.background import read_pair_files, read_trainings
-from pipeline.reporting.difficulty import measure_difficulties
-from pipeline.reporting.findings import UNWEIGHED, make_findings
-from pipeline.reporting.latex import render_latex
-from pipeline.reporting.markdown import render_markdown
-from pipeline.reporting.overlays import make_overlays, pick_walked_pairs
+from pipeline.reporting.charts import headlines
+from pipeline.reporting.claims import UNWEIGHED, make_findings
+from pipeline.reporting.clouds import choose_examples
+from pipeline.reporting.difficulty import measure_difficulty
+from pipeline.reporting.documents import render_latex, render_markdown
+from pipeline.reporting.numbers import make_numbers, spread_over_draws, write_numbers
 from pipeline.reporting.page import Contents, render_page
-from pipeline.reporting.pictures import draw_all
+from pipeline.reporting.paper import place, scenario_rank
+from pipeline.reporting.pictures import draw_pictures
 from pipeline.reporting.provenance import Provenance
-from pipeline.reporting.result_files import WALKS, read_results, read_times
-from pipeline.reporting.tables import format_rows, make_rows
-from pipeline.reporting.views import banner, make_tables, summarise
+from pipeline.reporting.reading import (
+    PairFile,
+    read_all_walks,
+    read_answers,
+    read_pair_files,
+    read_times,
+    read_trainings,
+)
+from pipeline.reporting.tables import make_tables
+from pipeline.settings.params import SHOWN, shown_scenario
 
 BOOTSTRAP_SEED = 0
 
@@ -59,41 +69,70 @@ def make_report(
         FileNotFoundError: There are no results, or no pair file for some of them.
         ValueError: A file is cut short or ill-formed.
     """
-    scores, walks = read_results(results), read_all_walks(results)
-    files = read_pair_files(pairs, [*(one.scenario for one in scores), *walks])
-    facts = {name: file.facts for name, file in files.items()}
-    trainings, overlays = read_trainings(models), make_overlays(scores, files)
-    rows = make_rows(scores, read_times(results), measure_difficulties(files), seed=BOOTSTRAP_SEED)
-    tables, warning = make_tables(rows, trainings, facts), banner(profile, facts.values())
-    findings = [] if profile in UNWEIGHED else make_findings(rows)
-    contents = Contents(
-        rows, tables, overlays, trainings, facts, profile, warning,
-        findings=findings,
-        walks=walks,
-        walked=pick_walked_pairs(walks, files),
-        scores=scores,
-        provenance=provenance,
-        benchmarks=read_benchmarks(benchmarks),
-    )  # fmt: skip
+    contents = make_contents(
+        results, models, pairs, benchmarks, profile=profile, provenance=provenance
+    )
     return Report(
         tables={
-            "results.csv": format_rows(rows),
-            "results.md": render_markdown(tables, facts, warning, findings),
-            "results.tex": render_latex(tables, facts, warning),
+            "results.csv": write_numbers(contents.numbers),
+            "results.md": render_markdown(contents.tables, contents.banner, contents.findings),
+            "results.tex": render_latex(contents.tables, contents.banner),
         },
-        pictures=draw_all(rows, overlays, trainings, scores),
-        summary=summarise(rows),
+        pictures=dict(contents.pictures),
+        summary=summarise(contents.numbers),
         page=render_page(contents),
     )
 
 
-def read_all_walks(results: Path) -> dict[str, list[Walk]]:
-    """Read every ``walks/<scenario>/<method>.csv``, by scenario; none is fine.
+def make_contents(
+    results: Path, models: Path, pairs: Path, benchmarks: Path, *, profile: str,
+    provenance: Provenance | None,
+) -> Contents:  # fmt: skip
+    """Read the folders and compute everything that is shown; see :func:`make_report`."""
+    answers, walks, times = read_answers(results), read_all_walks(results), read_times(results)
+    files = read_pair_files(pairs, [*answers["scenario"].unique(), *walks])
+    trainings, examples = read_trainings(models), choose_examples(answers, files)
+    numbers = make_numbers(answers, times, measure_difficulty(files), seed=BOOTSTRAP_SEED)
+    everything = pd.concat([numbers, spread_over_draws(numbers)], ignore_index=True)
+    return Contents(
+        numbers=numbers,
+        answers=answers,
+        tables=make_tables(everything, trainings, files),
+        examples=examples,
+        pictures=draw_pictures(examples),
+        trainings=trainings,
+        files=files,
+        profile=profile,
+        banner=banner(profile, files.values()),
+        findings=[] if profile in UNWEIGHED else make_findings(everything),
+        walks=walks,
+        provenance=provenance,
+        benchmarks=read_benchmarks(benchmarks),
+    )
 
-    Raises:
-        ValueError: One is cut short or ill-formed.
-    """
-    walks: dict[str, list[Walk]] = {}
-    for file in sorted(results.glob(f"{WALKS}/*/*.csv")):
-        walks.setdefault(file.parent.name, []).extend(read_walks(file))
-    return walks
+
+def summarise(numbers: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """Pick the mean ERROR(R) [deg] of CF and CB on each scenario, to four digits."""
+    main = headlines(numbers, "error_r_deg").set_index(["method", "scenario"])["value"]
+    return {
+        name: {
+            shown_scenario(scenario): float(f"{value:.4g}")
+            for (whose, scenario), value in main.items()
+            if whose == method
+        }
+        for method, name in SHOWN.items()
+    }
+
+
+def banner(profile: str, files: Iterable[PairFile]) -> str | None:
+    """Say what keeps these numbers from being a reproduction; None if nothing does."""
+    recorded = {file.scenario: file.source in ("local", "download") for file in files}
+    synthetic = sorted((name for name, real in recorded.items() if not real), key=scenario_rank)
+    if profile == "paper" and not synthetic:
+        return None
+    said = f"{profile} profile: not a reproduction"
+    if not synthetic:
+        return said
+    everything = len(synthetic) == len(recorded)
+    titles = "all of it" if everything else "; ".join(place(name).title for name in synthetic)
+    return f"{said} (synthetic data: {titles})"

@@ -1,313 +1,322 @@
-"""Scores per pair -> the rows of ``results.csv``: one number a row, with its interval."""
+"""The numbers -> the tables a reader sees; nothing here knows Markdown, LaTeX or HTML."""
 
-import csv
-import io
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields
-from functools import lru_cache
-from typing import Literal
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
-import numpy as np
-from jaxtyping import Float64, Int64
+import pandas as pd
 
-from pipeline.reporting.contrasts import DRAW, MINUS, Contrast, make_contrasts
-from pipeline.reporting.difficulty import OVERLAP, ROTATION, Difficulty
-from pipeline.reporting.paper import MAE_AND_ERROR, UNSEEN_OBJECTS, Number, printed
-from pipeline.reporting.result_files import EULER, SHIFT, TIMED, Scores, Times, headlines
-
-METRICS = (
-    "rmse_r_deg",
-    "rmse_t",
-    "mae_r_deg",
-    "mae_t",
-    "error_r_deg",
-    "error_t",
-    "median_error_r_deg",
-    "below_5_deg_percent",
-    "recall_percent",
-    "seconds",
-    "peak_memory_mib",
+from pipeline.reporting.paper import (
+    ABLATIONS,
+    BOUND,
+    CONCAT,
+    FLOORS,
+    PRINTED,
+    TIMING,
+    method_rank,
+    place,
+    scenario_rank,
+    setting_rank,
+    shown,
 )
-IMPROVEMENT = "improvement_percent"
-"""Of a contrast: by how much of the other's mean ERROR(R) the first one's is smaller."""
-BINNED = ("error_r_deg", "error_t", "median_error_r_deg", "below_5_deg_percent")
-DRAWN = ("error_r_deg", "error_t")
-"""Metrics of the pairs of one bin, and of a further draw of the noise."""
-SYMMETRIC = ("bottle", "bowl", "cone", "cup", "flower_pot", "lamp", "tent", "vase")
-"""Shapes whose rotation nobody can tell; ModelNet rows are also given without them."""
-RESAMPLES = 1000
-SIGNIFICANT_DIGITS = 6
-Statistic = Callable[[Float64[np.ndarray, "*batch pairs"]], Float64[np.ndarray, "*batch"]]
+from pipeline.reporting.reading import NOISE, PairFile, Training
+from pipeline.reporting.showing import (
+    HEADINGS,
+    UNRESOLVED,
+    describe_budget,
+    show_bound,
+    show_value,
+    unit_of,
+)
+from pipeline.settings.variants import TRAINED
+
+SETTINGS = {"paper": "the paper's iteration counts", "official": "the authors' own settings"}
+LEARNED_SETTINGS = {"official": "the authors' own number of updates"}
+"""Its network may be a smaller one than theirs; the training says its size."""
+NOT_BELOW = {"constant": "†", "icp_centroid": "‡"}
+"""By floor, the mark of a method that does not beat it."""
+MARKS = {
+    "†": "does not beat the constant pose in both ERROR(R) and ERROR(t)",
+    "‡": "does not beat ICP from the centroids in both ERROR(R) and ERROR(t)",
+}
+TRAINED_ON_NOISE = "modelnet40-gaussian_noise"
+"""Where the methods were trained whose tests the ablation ``noise`` makes noisier."""
+KEY = ["table", "scenario", "ablation", "subset"]
+"""What the numbers of one table have in common."""
 
 
 @dataclass(frozen=True)
-class Row:
-    """One number a reader may trust. Its fields are the columns of ``results.csv``."""
+class Cell:
+    """One number of a table, and how it is printed."""
 
-    table: str
-    scenario: str
-    subset: str
-    """``all``, or ``asymmetric`` for ModelNet shapes whose rotation can be told."""
-    method: str
-    setting: str
     metric: str
     value: float
     low: float
     high: float
-    """``low`` and ``high`` bound the 95 % bootstrap interval over pairs."""
     paper: float | None
-    """The paper's number, where it prints one."""
     pairs: int
-    failures: int
 
     @property
-    def kind(self) -> Literal["line", "draw", "bin", "contrast"]:
-        """Tell a line of a table from a further draw of one, a bin of pairs, and a contrast."""
-        if MINUS in self.setting:
-            return "contrast"
-        if DRAW in self.setting:
-            return "draw"
-        return "bin" if self.setting.startswith((f"{ROTATION}=", f"{OVERLAP}=")) else "line"
+    def ours(self) -> str:
+        """The number."""
+        return show_value(self.metric, self.value)
 
+    @property
+    def theirs(self) -> str:
+        """The paper's number, empty where it prints none."""
+        return "" if self.paper is None else show_value(self.metric, self.paper)
 
-def make_rows(
-    scores: Sequence[Scores],
-    times: Sequence[Times] = (),
-    difficulties: Iterable[Difficulty] = (),
-    *,
-    seed: int,
-) -> list[Row]:
-    """Compute every metric of every method, sorted; every draw comes from ``seed``.
-
-    All methods of a scenario are resampled alike, so that their intervals can be compared.
-
-    Args:
-        scores: Lines of the tables, and what bins and contrasts are made of.
-        times: For Table 6; it repeats the accuracy of what was timed.
-        difficulties: What the pairs of a scenario are sorted into bins by.
-        seed: Of the resampling.
-    """
-    rows = [
-        *(row for one in scores for row in _rows_of(one, seed)),
-        *(row for one in times for row in _timed(one, scores, seed)),
-        *(row for one in difficulties for row in _binned(one, scores, seed)),
-        *(row for one in make_contrasts(scores, times) for row in _contrasted(one, seed)),
-    ]
-    return sorted(rows, key=key)
-
-
-def key(row: Row) -> tuple[str, str, str, str, str, str]:
-    """Say which number a row holds; rows are written in this order."""
-    return (row.table, row.scenario, row.subset, row.method, row.setting, row.metric)
-
-
-def subsets(scores: Scores) -> dict[str, Int64[np.ndarray, " chosen"]]:
-    """Name the subsets of the pairs that are given a row, and the indices in each."""
-    everything = np.arange(len(scores.pair))
-    if not scores.scenario.startswith("modelnet40"):
-        return {"all": everything}
-    asymmetric = np.array([group not in SYMMETRIC for group in scores.group])
-    chosen = {"all": everything, "asymmetric": everything[asymmetric]}
-    return {name: indices for name, indices in chosen.items() if len(indices)}
-
-
-def measure(
-    scores: Scores,
-) -> dict[str, tuple[Float64[np.ndarray, " pairs"], Statistic]]:
-    """For each metric: what a pair contributes, and how contributions become the number."""
-    error_r = scores.numbers["error_r_deg"]
-    euler, shift = scores.columns(EULER), scores.columns(SHIFT)
-    measured: dict[str, tuple[Float64[np.ndarray, " pairs"], Statistic]] = {
-        "rmse_r_deg": ((euler**2).mean(axis=-1), _root_mean),
-        "rmse_t": ((shift**2).mean(axis=-1), _root_mean),
-        "mae_r_deg": (np.abs(euler).mean(axis=-1), _mean),
-        "mae_t": (np.abs(shift).mean(axis=-1), _mean),
-        "error_r_deg": (error_r, _mean),
-        "error_t": (scores.numbers["error_t"], _mean),
-        "median_error_r_deg": (error_r, _median),
-        "below_5_deg_percent": (100.0 * (error_r < 5), _mean),
-    }
-    if "recall" in scores.numbers:
-        measured["recall_percent"] = (100 * scores.numbers["recall"], _mean)
-    if "seconds" in scores.numbers:
-        measured["seconds"] = (scores.numbers["seconds"], _mean)
-    return measured
-
-
-def bootstrap_interval(
-    contributions: Float64[np.ndarray, " pairs"],
-    statistic: Statistic,
-    resamples: Int64[np.ndarray, "draws pairs"],
-) -> tuple[float, float]:
-    """Bound a statistic by the 2.5 and 97.5 percentiles over resampled pairs."""
-    low, high = np.percentile(statistic(contributions[resamples]), [2.5, 97.5])
-    return float(low), float(high)
+    @property
+    def interval(self) -> tuple[str, str] | None:
+        """The ends of its interval; None where it says no more than the number does."""
+        ends = show_bound(self.metric, self.low), show_bound(self.metric, self.high)
+        return None if self.ours == UNRESOLVED and {*ends} <= {UNRESOLVED, "0"} else ends
 
 
 @dataclass(frozen=True)
-class _Place:
-    """Where rows stand: all of their columns that are no numbers, but the metric."""
+class Line:
+    """One method under one setting."""
 
-    table: str
-    scenario: str
-    subset: str
     method: str
     setting: str
+    cells: Mapping[str, Cell]
+    """By metric."""
+    failures: int
+    """Pairs on which the method failed; each is scored as the identity pose."""
+    marks: str = ""
+    note: int = 0
+    """Number of its footnote, from 1."""
 
-    def row(
-        self,
-        metric: str,
-        numbers: tuple[float, float, float],
-        pairs: int,
-        failures: int,
-    ) -> Row:
-        value, low, high = map(_rounded, numbers)
-        number = Number(self.table, self.scenario, self.method, self.setting, metric)
-        paper = printed(number) if self.subset == "all" else None
-        return Row(**vars(self), metric=metric, value=value, low=low, high=high,
-                   paper=paper, pairs=pairs, failures=failures)  # fmt: skip
+    @property
+    def name(self) -> str:
+        """The method as the reader knows it."""
+        return shown(self.method).name
 
+    @property
+    def aside(self) -> str:
+        """The setting as it stands beside the name; empty for the paper's."""
+        return "" if self.setting == "paper" else self.setting.replace(",", ", ")
 
-def _rows_of(scores: Scores, seed: int) -> Iterator[Row]:
-    further = DRAW in scores.setting
-    for subset, chosen in subsets(scores).items():
-        at = _Place(scores.table, scores.scenario, subset, scores.method, scores.setting)
-        if not further or subset == "all":
-            yield from _measured(at, scores, chosen, DRAWN if further else METRICS, seed)
-
-
-def _measured(
-    at: _Place,
-    scores: Scores,
-    chosen: Int64[np.ndarray, " chosen"],
-    metrics: Sequence[str],
-    seed: int,
-) -> Iterator[Row]:
-    resamples = _resamples(len(chosen), seed)
-    failures = int(scores.failed[chosen].sum())
-    for metric, (contributions, statistic) in measure(scores).items():
-        if metric in metrics:
-            numbers = _with_interval(contributions[chosen], statistic, resamples)
-            yield at.row(metric, numbers, len(chosen), failures)
+    @property
+    def is_floor(self) -> bool:
+        """Whether it learns nothing and is there to be beaten."""
+        return shown(self.method).kind == "floor"
 
 
-def _timed(times: Times, scores: Iterable[Scores], seed: int) -> Iterator[Row]:
-    """Make a line of Table 6: the times, and the accuracy that Table 1 (a) gives the same line."""
-    at = _Place(times.table, times.scenario, "all", times.method, times.setting)
-    resamples = _resamples(len(times.pair), seed)
-    failures = 0
-    for one in scores:
-        here = (one.ablation, one.scenario, one.method, one.setting)
-        if here == (None, UNSEEN_OBJECTS, times.method, times.setting):
-            failures = int(one.failed.sum())
-            yield from _measured(at, one, np.arange(len(one.pair)), MAE_AND_ERROR, seed)
-    for metric in TIMED:
-        numbers = _with_interval(times.numbers[metric], _mean, resamples)
-        yield at.row(metric, numbers, len(times.pair), failures)
+@dataclass(frozen=True)
+class Table:
+    """One table for the eye, floors on top."""
+
+    number: str
+    scenario: str
+    ablation: str
+    """Empty for a main table."""
+    subset: str
+    unit: str
+    """Of length."""
+    metrics: tuple[str, ...]
+    lines: tuple[Line, ...]
+    notes: tuple[str, ...]
+    absent: tuple[str, ...]
+    """Floors, and methods the paper has a row for, that these results lack."""
+
+    @property
+    def title(self) -> str:
+        """What it is of."""
+        numbered = "Beyond the paper" if self.number == "extra" else f"Table {self.number}"
+        where = place(self.scenario).title
+        if self.number == TIMING.table:
+            return f"{numbered}: {TIMING.title} ({where})"
+        if self.ablation in ABLATIONS:
+            return f"{numbered}: {ABLATIONS[self.ablation].title} ({where})"
+        return f"{numbered}: {where}{f' ({self.ablation})' if self.ablation else ''}"
+
+    @property
+    def label(self) -> str:
+        """A name of its own, to refer to it by."""
+        parts = (self.number, self.scenario, self.ablation, self.subset)
+        return "-".join(part for part in parts if part)
+
+    @property
+    def pairs(self) -> int:
+        """Test pairs behind each number."""
+        return next(iter(self.lines[0].cells.values())).pairs
+
+    @property
+    def is_main(self) -> bool:
+        """Whether it holds the methods' numbers on all pairs of a scenario."""
+        main = place(self.scenario).table == self.number
+        return main and not self.ablation and self.subset == "all"
+
+    @property
+    def headlines(self) -> dict[str, Line]:
+        """One line of each method: the paper's setting, where it was run."""
+        found: dict[str, Line] = {}
+        for line in sorted(self.lines, key=lambda line: line.setting != "paper"):
+            found.setdefault(line.method, line)
+        return {method: found[method] for method in sorted(found, key=method_rank)}
+
+    def heads(self) -> list[tuple[str, str]]:
+        """Name the columns of numbers and their units."""
+        return [(HEADINGS[metric], unit_of(metric, self.unit)) for metric in self.metrics]
 
 
-def _binned(difficulty: Difficulty, scores: Sequence[Scores], seed: int) -> Iterator[Row]:
-    for (scenario, method), one in headlines(scores).items():
-        if scenario == difficulty.scenario:
-            for name, chosen in difficulty.bins(one.pair).items():
-                at = _Place("extra", scenario, "all", method, name)
-                yield from _measured(at, one, chosen, BINNED, seed)
+def best(lines: Iterable[Line]) -> dict[str, float]:
+    """Find the best value of each metric among the methods that are not floors."""
+    values: dict[str, list[float]] = {}
+    for line in lines:
+        for metric, cell in line.cells.items():
+            values.setdefault(metric, []).extend([] if line.is_floor else [cell.value])
+    return {
+        metric: max(found) if metric.endswith("_percent") else min(found)
+        for metric, found in values.items()
+        if found
+    }
 
 
-def _contrasted(contrast: Contrast, seed: int) -> Iterator[Row]:
-    mine = contrast.mine
-    at = _Place(mine.table, mine.scenario, "all", mine.method, contrast.setting)
-    failures = contrast.failures
-    for metric in contrast.metrics:
-        first, second = contrast.columns(metric)
-        resamples = _resamples(len(first), seed)
-        difference = _with_interval(first - second, _mean, resamples)
-        yield at.row(metric, difference, len(first), failures)
-        if metric == "error_r_deg" and contrast.is_rival:
-            numbers = _improvement(first, second, resamples)
-            if np.isfinite(numbers).all():
-                yield at.row(IMPROVEMENT, numbers, len(first), failures)
+def make_tables(
+    numbers: pd.DataFrame, trainings: Iterable[Training], files: Mapping[str, PairFile]
+) -> list[Table]:
+    """Lay numbers out as the paper's tables, then the extra ones; every table has the floors.
 
-
-@lru_cache(maxsize=4)
-def _resamples(pairs: int, seed: int) -> Int64[np.ndarray, "draws pairs"]:
-    return np.random.default_rng(seed).integers(pairs, size=(RESAMPLES, pairs))
-
-
-def _with_interval(
-    contributions: Float64[np.ndarray, " pairs"],
-    statistic: Statistic,
-    resamples: Int64[np.ndarray, "draws pairs"],
-) -> tuple[float, float, float]:
-    low, high = bootstrap_interval(contributions, statistic, resamples)
-    return float(statistic(contributions)), low, high
-
-
-def _improvement(
-    mine: Float64[np.ndarray, " pairs"],
-    base: Float64[np.ndarray, " pairs"],
-    resamples: Int64[np.ndarray, "draws pairs"],
-) -> tuple[float, float, float]:
-    """Give 100 (1 - mean of mine / mean of the other); not finite where the other errs nowhere."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        drawn = 100 * (1 - _mean(mine[resamples]) / _mean(base[resamples]))
-        value = float(100 * (1 - _mean(mine) / _mean(base)))
-    if not np.isfinite(drawn).all():
-        return np.nan, np.nan, np.nan
-    low, high = np.percentile(drawn, [2.5, 97.5])
-    return value, float(low), float(high)
-
-
-def _mean(values: Float64[np.ndarray, "*batch pairs"]) -> Float64[np.ndarray, "*batch"]:
-    return np.asarray(values.mean(axis=-1))
-
-
-def _root_mean(values: Float64[np.ndarray, "*batch pairs"]) -> Float64[np.ndarray, "*batch"]:
-    return np.asarray(np.sqrt(_mean(values)))
-
-
-def _median(values: Float64[np.ndarray, "*batch pairs"]) -> Float64[np.ndarray, "*batch"]:
-    return np.asarray(np.median(values, axis=-1))
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.{SIGNIFICANT_DIGITS}g}")
-
-
-def format_rows(rows: Iterable[Row]) -> str:
-    """Write rows as the text of ``results.csv``: the same rows, the same bytes."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, [field.name for field in fields(Row)], lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        cells = vars(row) | {"paper": "" if row.paper is None else repr(row.paper)}
-        writer.writerow({key: _cell(value) for key, value in cells.items()})
-    return text.getvalue()
-
-
-def _cell(value: object) -> str:
-    return repr(value) if isinstance(value, float) else str(value)
-
-
-def parse_rows(text: str) -> list[Row]:
-    """Read the text of a ``results.csv``.
-
-    Raises:
-        ValueError: It has other columns.
+    Args:
+        numbers: As :func:`pipeline.reporting.numbers.make_numbers` gives them, and the spreads.
+        trainings: For the footnotes.
+        files: The pair file of each scenario.
     """
-    reader = csv.DictReader(text.splitlines())
-    wanted = [field.name for field in fields(Row)]
-    if reader.fieldnames != wanted:
-        raise ValueError(f"results.csv needs the columns {wanted}, has {reader.fieldnames}")
+    budgets = {
+        (one.scenario, one.method, setting): one
+        for one in trainings
+        for setting in one.settings or [""]
+    }
+    lines = {keys: _lines(found) for keys, found in numbers[numbers["kind"] == "line"].groupby(KEY)}
+    order = sorted(lines, key=lambda key: (key[0], scenario_rank(key[1]), *key[2:]))
+    return [_table(key, lines, budgets, files[key[1]]) for key in order]
+
+
+Key = tuple[str, str, str, str]
+Budgets = Mapping[tuple[str, str, str], Training]
+"""By scenario, method and ablated setting."""
+
+
+def _lines(numbers: pd.DataFrame) -> list[Line]:
+    """Make the lines of one table, in the order of the paper."""
+    cells: dict[tuple[str, str], list[Cell]] = {}
+    failures: dict[tuple[str, str], int] = {}
+    for row in numbers.itertuples(index=False):
+        paper = None if pd.isna(row.paper) else row.paper
+        cell = Cell(row.metric, row.value, row.low, row.high, paper, row.pairs)
+        cells.setdefault((row.method, row.setting), []).append(cell)
+        failures[row.method, row.setting] = row.failures
     return [
-        Row(
-            **{name: cells[name] for name in wanted[:6]},
-            value=float(cells["value"]),
-            low=float(cells["low"]),
-            high=float(cells["high"]),
-            paper=float(cells["paper"]) if cells["paper"] else None,
-            pairs=int(cells["pairs"]),
-            failures=int(cells["failures"]),
+        Line(*key, {cell.metric: cell for cell in cells[key]}, failures[key])
+        for key in sorted(cells, key=_line_rank)
+    ]
+
+
+def _line_rank(key: tuple[str, str]) -> tuple[object, ...]:
+    """Sort lines by method, then setting; Table 3 has it the other way, as in the paper."""
+    method, setting = key
+    by_setting, by_method = setting_rank(setting), method_rank(method)
+    return (by_setting, by_method) if setting.startswith("diffusion=") else (by_method, by_setting)
+
+
+def _table(key: Key, lines: Mapping[Key, list[Line]], budgets: Budgets, file: PairFile) -> Table:
+    _, scenario, _, subset = key
+    own = {line.method for line in lines[key]}
+    main = lines.get((place(scenario).table, scenario, "", subset), [])
+    floors = [line for line in main if line.is_floor and line.method not in own]
+    ordered = sorted((*floors, *lines[key]), key=lambda line: not line.is_floor)  # a stable order
+    notes = [_note(line, key, budgets, file) for line in ordered]
+    unique = [*dict.fromkeys(notes)]
+    floors = [line for line in ordered if line.is_floor]
+    return Table(
+        *key,
+        unit=file.unit,
+        metrics=tuple(m for m in HEADINGS if any(m in line.cells for line in lines[key])),
+        lines=tuple(
+            Line(line.method, line.setting, line.cells, line.failures, _marks(line, floors),
+                 unique.index(note) + 1)
+            for line, note in zip(ordered, notes, strict=True)
+        ),
+        notes=tuple(unique),
+        absent=_absent(key, ordered),
+    )  # fmt: skip
+
+
+def _marks(line: Line, floors: Sequence[Line]) -> str:
+    """Mark a method for each floor that it does not beat; a floor is not marked."""
+    same_setting_last = sorted(floors, key=lambda floor: floor.setting == line.setting)
+    beside = {floor.method: floor for floor in same_setting_last}
+    return "".join(
+        mark
+        for method, mark in NOT_BELOW.items()
+        if not line.is_floor and method in beside and not beats(line, beside[method])
+    )
+
+
+def beats(line: Line, floor: Line) -> bool:
+    """Tell whether a method's mean errors are both smaller than a floor's; a tie is no win."""
+    return all(
+        line.cells[metric].value < floor.cells[metric].value
+        for metric in ("error_r_deg", "error_t")
+        if metric in line.cells  # a line that was only timed has none
+    )
+
+
+def _absent(key: Key, lines: Sequence[Line]) -> tuple[str, ...]:
+    """Name what the paper has a row for and these results lack: methods, or ablated settings."""
+    table, scenario, ablation, _ = key
+    here = PRINTED[(PRINTED["table"] == table) & (PRINTED["scenario"] == scenario)]
+    printed = {*here[["method", "setting"]].itertuples(index=False, name=None)}
+    methods = {*FLOORS, *(method for method, _ in printed if not ablation)}
+    missing = sorted(methods - {line.method for line in lines}, key=method_rank)
+    settings = (printed if ablation else set()) - {(line.method, line.setting) for line in lines}
+    ablated = [f"{shown(m).name}, {setting}" for m, setting in sorted(settings, key=_line_rank)]
+    return (*(shown(method).name for method in missing), *ablated)
+
+
+def _note(line: Line, key: Key, budgets: Budgets, file: PairFile) -> str:
+    """Say of a line its setting, its data and its training, and what the paper says of it."""
+    table, _, ablation, _ = key
+    setting = SETTINGS.get(line.setting, line.setting)
+    training = "nothing trained"
+    if shown(line.method).kind == "learned":
+        setting = LEARNED_SETTINGS.get(line.setting, setting)
+        budget = _budget(line, key, budgets)
+        training = describe_budget(budget) if budget else "training budget not recorded"
+    varies = "=" in setting  # the line names it
+    said = [*([] if varies else [f"Setting: {setting}."]), f"Data: {file.source}."]
+    said.append(f"Training: {training}.")
+    if "seconds" in line.cells and table == TIMING.table:
+        said += _timed(line.cells["seconds"])
+    if ablation == NOISE and not varies:
+        said.append("Tested without added noise.")
+    if line.setting == CONCAT:
+        said.append(
+            "The paper prints no numbers for this row: it says that training does not converge."
         )
-        for cells in reader
+    return " ".join(said)
+
+
+def _timed(seconds: Cell) -> list[str]:
+    said = f"Time and memory: of {seconds.pairs} pairs, one at a time, the first call left out."
+    bound = f"The paper prints its time as below {BOUND} s."
+    return [said, bound] if seconds.paper == BOUND else [said]
+
+
+def _budget(line: Line, key: Key, budgets: Budgets) -> Training | None:
+    """Find the training behind a line: the ablation's own, or the one whose weights it took."""
+    _, scenario, ablation, _ = key
+    if ablation in TRAINED and "=" in line.setting:
+        return budgets.get((scenario, line.method, line.setting))
+    return budgets.get((TRAINED_ON_NOISE if ablation == NOISE else scenario, line.method, ""))
+
+
+def unbeaten(tables: Iterable[Table]) -> list[str]:
+    """Name the scenarios in which no method beats ICP from the centroids."""
+    mark = NOT_BELOW["icp_centroid"]
+    return [
+        place(table.scenario).title
+        for table in tables
+        if table.is_main and all(mark in line.marks for line in table.lines if not line.is_floor)
     ]

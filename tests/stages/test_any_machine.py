@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.described import REPOSITORY
-from tests.pipeline.reporting.made_up_results import make_report_inputs, write_everything
+from tests.pipeline.reporting.synthetic_results import make_report_inputs, write_everything
 from tests.tiny import CB, CF, SCENARIO, instance, lay_out, run_instance, standing_in
 
 STAGES = [

@@ -8,14 +8,16 @@ function applyFilter() {
   const open = new Set(kinds.filter((box) => box.checked).map((box) => box.value));
   const chosen = new Set(methodBoxes.filter((box) => box.checked && open.has(box.dataset.kind)).map((box) => box.value));
   isShown = (method) => !(method in kindOf) || chosen.has(method);
+  const gone = methodBoxes.filter((box) => !isShown(box.value)).map((box) => box.parentElement.textContent.trim());
+  isNameShown = (name) => !gone.some((method) => name === method || name.startsWith(`${method}, `));
   for (const one of document.querySelectorAll("main [data-scenario], main [data-method]")) {
     const {scenario: its, method} = one.dataset;
     one.classList.toggle("filtered", Boolean((scenario && its && its !== scenario) || (method && !isShown(method))));
   }
   markEmpty();
   for (const row of document.querySelectorAll(".choice > .buttons")) switchPanel(row);
-  document.querySelectorAll(".plot").forEach((plot) => plot.dataset.drawn ? redraw(plot) : inSight(plot) && draw(plot));
-  document.querySelectorAll(".grid").forEach((grid) => grid.classList.toggle("one", scenario !== ""));
+  document.querySelectorAll(".plot").forEach(redraw);
+  document.querySelectorAll(".grid:not(.two)").forEach((grid) => grid.classList.toggle("one", scenario !== ""));
   const all = methodBoxes.length;
   document.getElementById("filtered").textContent = `${chosen.size} of ${all} methods, ${scenario ? "1 data set" : "all data sets"}`;
   writeAddress();
@@ -38,11 +40,6 @@ function switchPanel(row) {  // the panel in front is one that the filter shows
   if (!pressed || !pressed.classList.contains("filtered")) return;
   const other = buttons.find((button) => !button.classList.contains("filtered"));
   if (other) other.click();
-}
-
-function inSight(plot) {
-  const {top, bottom} = plot.getBoundingClientRect();
-  return bottom > -500 && top < innerHeight + 500;
 }
 
 function writeAddress() {
@@ -75,6 +72,8 @@ document.getElementById("show-all").addEventListener("click", () => {
 const list = form.querySelector("details");
 document.addEventListener("click", (event) => {
   if (!list.contains(event.target)) list.open = false;
+  const link = event.target.closest("a[href^='#']");
+  if (link) reveal(document.getElementById(link.hash.slice(1)));
 });
 document.addEventListener("keydown", (event) => {
   if (event.key === "Escape") list.open = false;
@@ -86,8 +85,13 @@ addEventListener("hashchange", () => {  // a link within the page keeps the filt
   goToSection();
 });
 
+function reveal(element) {  // opens what it is folded into
+  for (let fold = element; fold; fold = fold.parentElement) if (fold.tagName === "DETAILS") fold.open = true;
+}
+
 function goToSection() {  // the browser finds no section by an address that has a filter in it
   const section = document.getElementById(location.hash.slice(1).split("?")[0]);
+  reveal(section);
   if (section && location.hash.includes("?")) section.scrollIntoView();
 }
 

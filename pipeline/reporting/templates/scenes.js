@@ -1,6 +1,22 @@
 // Clouds to turn: the page holds each cloud once, and poses that move the source.
 const SCENES = JSON.parse(document.getElementById("scenes").textContent);
+const [BLUE, ORANGE, GREEN] = ["#0072b2", "#e69f00", "#009e73"];
 const furnish = new Map();  // by plot, what puts the points into its figure
+
+function cloud(name, color, scene, showlegend = true) {
+  return {type: "scatter3d", mode: "markers", name, scene, showlegend, marker: {size: 2.2, color, opacity: 0.9}, hoverinfo: "name"};
+}
+
+function space(unit, from, to) {  // a view, from one share of the plot's width to another
+  const axis = (name) => ({title: {text: `${name} [${unit}]`, font: {size: 11}}, tickfont: {size: 10}, nticks: 5, color: "#55616d", gridcolor: "#d5dbe1", backgroundcolor: "white", zeroline: false});
+  const camera = {eye: {x: 1.3, y: 1.3, z: 0.85}, center: {x: 0, y: 0, z: -0.12}};
+  return {xaxis: axis("x"), yaxis: axis("y"), zaxis: axis("z"), aspectmode: "data", camera, dragmode: "orbit", domain: {x: [from, to], y: [0, 1]}};
+}
+
+function setScene(plot, data, scenes) {
+  const legend = {orientation: "h", x: 0, y: 1, yanchor: "bottom", itemsizing: "constant"};
+  FIGURES[plot.id] = {data, layout: {height: 440, margin: {l: 0, r: 0, t: 30, b: 0}, legend, uirevision: "kept", ...scenes}};
+}
 
 function furnished(plot) {
   const figure = structuredClone(FIGURES[plot.id]);
@@ -34,13 +50,17 @@ function turnTogether(plot) {  // the view that was not touched follows the one 
 }
 
 for (const card of document.querySelectorAll(".overlay")) {
-  const scenario = card.dataset.scenario, choices = SCENES.overlays[scenario], plot = card.querySelector(".plot");
+  const scenario = card.dataset.scenario, choices = SCENES.examples[scenario], plot = card.querySelector(".plot"), {unit} = plot.dataset;
   let choice = "median", method = card.querySelector("[data-shows]").dataset.shows;
   const say = () => {
     const {pair, group, poses} = choices[choice];
     card.querySelector(".which").textContent = `${pair} (${group})`;
     card.querySelector(".says").textContent = poses[method].says;
   };
+  setScene(plot, [
+    cloud("source", BLUE, "scene"), cloud("target", ORANGE, "scene"),
+    cloud("target", ORANGE, "scene2", false), cloud("source, registered", GREEN, "scene2"),
+  ], {scene: space(unit, 0, 0.495), scene2: space(unit, 0.505, 1)});
   furnish.set(plot, () => {
     const {pair, poses} = choices[choice], {source, target} = SCENES.clouds[`${scenario}/${pair}`];
     return [source, target, target, moved(source, poses[method].pose)];
@@ -62,6 +82,10 @@ for (const card of document.querySelectorAll(".walker")) {
   const [methods, pairs] = [".walk-method", ".walk-pair"].map((name) => card.querySelector(name));
   const slider = card.querySelector("input"), play = card.querySelector(".play");
   let walk = walks[0], timer = null;
+  setScene(plot, [
+    cloud("target", ORANGE, "scene"), cloud("source under the noisy pose G<sub>t</sub>", BLUE, "scene"),
+    cloud("source under the prediction of G<sub>0</sub>", GREEN, "scene"),
+  ], {scene: space(plot.dataset.unit, 0, 1)});
 
   const options = (select, entries) => select.replaceChildren(...entries.map(([value, text]) => new Option(text, value)));
   const off = (at) => `off by ${at.off[0]}° and ${at.off[1]} (${plot.dataset.unit})`;
@@ -116,4 +140,9 @@ for (const card of document.querySelectorAll(".walker")) {
       if (slider.value === slider.max) stop();
     }, 700);
   });
+}
+
+for (const plot of document.querySelectorAll(".plot")) {
+  reserve(plot);
+  sight.observe(plot);
 }

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.formats.benchmarks import Benchmarks, read_benchmarks, write_benchmarks
-from tests.pipeline.reporting.made_up_benchmarks import make_benchmarks
+from tests.pipeline.reporting.synthetic_benchmarks import make_benchmarks
 
 
 def test_what_is_written_is_read_back(tmp_path: Path) -> None:

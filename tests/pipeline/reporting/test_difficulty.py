@@ -3,14 +3,21 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
 from pcrdiff.registration import Pairs
-from pipeline.reporting.background import read_pair_files
-from pipeline.reporting.difficulty import Difficulty, measure_difficulties, overlap, rotation_deg
-from tests.pipeline.reporting.made_up_results import write_everything
+from pipeline.reporting.difficulty import bin_pairs, measure_difficulty, overlap, rotation_deg
+from pipeline.reporting.numbers import make_numbers
+from pipeline.reporting.reading import read_answers, read_pair_files, read_times
+from tests.pipeline.reporting.synthetic_results import (
+    plain_row,
+    result_file,
+    write_everything,
+    write_rows,
+)
 
 UNSEEN = "modelnet40-unseen_objects"
 
@@ -45,40 +52,51 @@ def test_the_overlap_is_the_share_of_points_that_find_a_neighbour_where_they_tru
     assert overlap(pairs(source, target, pose))[0] == 0.5
 
 
-def test_a_bin_holds_what_its_name_says_and_small_ones_are_left_out() -> None:
-    values = np.array([0.0, 1, 2, 3, 14.9, 15, 16, 17, 18, 19, 20, 31, 32])
-    bins = Difficulty(UNSEEN, "rotation_deg", values).bins(np.arange(13))
-    assert {name: inside.tolist() for name, inside in bins.items()} == {
-        "rotation_deg=0-15": [0, 1, 2, 3, 4],
-        "rotation_deg=15-30": [5, 6, 7, 8, 9, 10],
-    }
+def edges(by: str, values: list[float]) -> list[tuple[float, float]]:
+    found = bin_pairs(UNSEEN, by, np.array(values))
+    assert found["pair"].tolist() == [*range(len(values))]
+    return [*zip(found["bin_low"], found["bin_high"], strict=True)]
 
 
-def test_bins_are_of_the_pairs_that_were_answered() -> None:
-    difficulty = Difficulty(UNSEEN, "rotation_deg", np.array([50.0, 1, 50, 1, 50, 1, 1, 1]))
-    (found,) = difficulty.bins(np.array([1, 3, 4, 5, 6, 7])).items()
-    assert found[0] == "rotation_deg=0-15"
-    assert found[1].tolist() == [0, 1, 3, 4, 5]  # places among the answered
+def test_a_bin_holds_what_lies_between_its_edges() -> None:
+    assert edges("rotation_deg", [0.0, 14.9, 15.0, 29.9, 31.0, 180.0]) == [
+        (0, 15), (0, 15), (15, 30), (15, 30), (30, 45), (165, 180)
+    ]  # fmt: skip
 
 
 def test_full_overlap_and_edges_of_tenths_fall_where_they_belong() -> None:
-    values = np.array([1.0, 1.0, 0.9, 0.95, 0.99, 0.3, 0.3, 0.3, 0.3, 0.399])
-    bins = Difficulty("modelnet40-partial", "overlap", values).bins(np.arange(10))
-    assert {name: len(inside) for name, inside in bins.items()} == {
-        "overlap=0.3-0.4": 5,
-        "overlap=0.9-1": 5,
-    }
+    found = np.array(edges("overlap", [1.0, 0.9, 0.95, 0.3, 0.399]))
+    np.testing.assert_allclose(found[:, 0], [0.9, 0.9, 0.9, 0.3, 0.3])
+    np.testing.assert_allclose(found[:, 1], [1.0, 1.0, 1.0, 0.4, 0.4])
+
+
+def binned(folder: Path, pairs: list[int], values: list[float]) -> pd.DataFrame:
+    """The bins of one method's numbers on pairs so difficult."""
+    write_rows(result_file(folder, UNSEEN, "icp"), [plain_row(pair) for pair in pairs])
+    difficulty = bin_pairs(UNSEEN, "rotation_deg", np.array(values))
+    numbers = make_numbers(read_answers(folder), read_times(folder), difficulty, seed=0)
+    found = numbers[(numbers["kind"] == "bin") & (numbers["metric"] == "error_r_deg")]
+    return found.set_index("written")["pairs"]
+
+
+def test_small_bins_are_left_out(tmp_path: Path) -> None:
+    values = [0.0, 1, 2, 3, 14.9, 15, 16, 17, 18, 19, 20, 31, 32]
+    found = binned(tmp_path, [*range(13)], values)
+    assert found.to_dict() == {"rotation_deg=0-15": 5, "rotation_deg=15-30": 6}
+
+
+def test_bins_are_of_the_pairs_that_were_answered(tmp_path: Path) -> None:
+    found = binned(tmp_path, [1, 3, 4, 5, 6, 7], [50.0, 1, 50, 1, 50, 1, 1, 1])
+    assert found.to_dict() == {"rotation_deg=0-15": 5}
 
 
 def test_measures_angles_of_unseen_objects_and_overlap_of_partial_clouds(tmp_path: Path) -> None:
     write_everything(tmp_path, (UNSEEN, "modelnet40-partial", "kitti"), 3)
     files = read_pair_files(tmp_path / "pairs", [UNSEEN, "modelnet40-partial", "kitti"])
-    found = measure_difficulties(files)
-    assert [(one.scenario, one.name) for one in found] == [
-        (UNSEEN, "rotation_deg"),
-        ("modelnet40-partial", "overlap"),
-    ]
-    assert (found[1].values == 1).all()  # made-up clouds are not cropped
-    assert measure_difficulties({"kitti": files["kitti"]}) == []
+    found = measure_difficulty(files).set_index("scenario")
+    assert {*found.loc[UNSEEN, "by"]} == {"rotation_deg"}
+    assert {*found.loc["modelnet40-partial", "by"]} == {"overlap"}
+    assert (found.loc["modelnet40-partial", "bin_high"] == 1).all()  # its clouds are not cropped
+    assert measure_difficulty({"kitti": files["kitti"]}).empty
     with pytest.raises(FileNotFoundError):
         read_pair_files(tmp_path, [UNSEEN])

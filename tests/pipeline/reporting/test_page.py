@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 
 from pipeline.reporting.page import Contents, flatten, render_page
+from pipeline.reporting.paper import FLOORS
 from pipeline.reporting.provenance import read_provenance
 from pipeline.reporting.report import make_report
-from tests.pipeline.reporting.made_up_page import make_contents
-from tests.pipeline.reporting.made_up_results import (
+from tests.pipeline.reporting.synthetic_page import make_contents
+from tests.pipeline.reporting.synthetic_results import (
     plain_row,
     result_file,
     write_everything,
@@ -44,7 +45,7 @@ class Elements(HTMLParser):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("made_up")
+    folder = tmp_path_factory.mktemp("synthetic")
     write_everything(folder, ("modelnet40-unseen_objects", "kitti"), 5)
     return folder
 
@@ -99,8 +100,10 @@ def test_every_figure_has_its_place_and_every_place_its_figure(
     found = re.search(r'<script type="application/json" id="figures">(.*?)</script>', page, re.S)
     assert found
     places = {name for name in Elements(page).ids if name.startswith("plot-")}
-    assert {*json.loads(found[1])} == places
-    assert {"plot-overlay-kitti", "plot-steps", "plot-errors-rotation-kitti"} <= places
+    clouds = {name for name in places if name.startswith(("plot-overlay-", "plot-walk-"))}
+    assert {*json.loads(found[1])} == places - clouds
+    assert {"plot-overlay-kitti", "plot-walk-kitti"} <= clouds
+    assert {"plot-steps", "plot-error_r_deg-kitti"} <= places
 
 
 def test_a_quick_run_says_so_at_the_top(page: str) -> None:
@@ -147,7 +150,7 @@ def test_a_report_without_trainings_or_ablations_is_still_a_report(tmp_path: Pat
     write_everything(tmp_path, ("kitti",), 3)
     parts = (tmp_path / name for name in ("results", "no_models", "pairs", "benchmarks"))
     page = make_report(*parts, profile="quick").page
-    for section in ("ablations", "steps", "speed", "difficulty", "curves"):
+    for section in ("ablations", "steps", "speed", "difficulty", "curves", "findings"):
         assert f'id="{section}"' not in page
         assert f'href="#{section}"' not in page
 
@@ -164,12 +167,36 @@ def test_a_glance_keeps_the_order_of_the_rows_also_for_methods_without_a_paper_s
     assert places == sorted(places)
 
 
-def test_each_claim_stands_beside_our_numbers_with_its_verdict(full: str) -> None:
-    section = full[full.index('<section id="findings">') : full.index('<section id="glance">')]
-    assert section.count("<tr>") == 5
-    assert "Without diffusion CF falls from 3.2786 to 168.0197 deg." in section
-    assert "Ours falls from 4.02 deg [3.51, 4.55]" in section
-    assert '<span aria-hidden="true">✗</span>not confirmed' in section
+def test_each_claim_is_a_line_with_its_verdict_and_our_numbers_behind_it(full: str) -> None:
+    section = full[full.index('<section id="findings">') :]
+    assert section.count("<summary>") == 4
+    folded = section[section.index("not-confirmed") :]
+    assert '<span aria-hidden="true">✗</span>not confirmed</span>diffusion</summary>' in folded
+    assert "Without diffusion CF falls from 3.2786 to 168.0197 deg." in folded
+    assert "<li>Ours falls from 4.02 deg [3.51, 4.55] to 4.40 deg [3.90, 4.93].</li>" in folded
+
+
+def test_the_page_goes_from_pictures_over_numbers_to_claims(full: str) -> None:
+    assert re.findall(r'<section id="(.*?)">', full) == [
+        "pairs", "glance", "errors", "ablations", "steps", "speed", "difficulty",
+        "distributions", "curves", "overlays", "walks", "tables", "benchmarks", "provenance",
+        "reading", "findings",
+    ]  # fmt: skip
+
+
+def test_the_page_opens_with_a_picture_of_each_data_set(full: str) -> None:
+    section = full[full.index('<section id="pairs">') : full.index('<section id="glance">')]
+    assert section.count('<img src="data:image/png;base64,') == 2
+    assert section.count("PCRDiffusion CB: rotation off by") == 2
+
+
+def test_the_best_of_each_scenario_is_marked_at_a_glance(contents: Contents, full: str) -> None:
+    glance = full[full.index('<section id="glance">') : full.index('<section id="errors">')]
+    marked = re.findall(r'data-scenario="(.*?)" data-value="([\d.e-]+)"[^>]*class="best"', glance)
+    main = contents.numbers[contents.numbers["headline"] & (contents.numbers["subset"] == "all")]
+    main = main[(main["metric"] == "error_r_deg") & ~main["method"].isin(FLOORS)]
+    smallest = main.groupby("scenario")["value"].min().to_dict()
+    assert {name: float(value) for name, value in marked} == smallest
 
 
 @pytest.mark.parametrize("profile", ["quick", "tables", "real", "paper"])
@@ -183,7 +210,7 @@ def test_claims_are_weighed_on_real_data_and_at_the_papers_size_only(
     elsewhere = "claims are weighed in the report on real data, {}reports/real/results.md{};"
     assert (elsewhere.format("", "") in page) != weighed
     assert (elsewhere.format("`", "`") in markdown) != weighed
-    assert ('id="findings"' in page) == ('class="text verdict' in page) == weighed
+    assert ('id="findings"' in page) == ('class="verdict ' in page) == weighed
     assert ("What we found" in page) == ("## What we found" in markdown) == weighed
 
 
@@ -191,23 +218,25 @@ def test_clouds_are_in_the_page_once_and_poses_are_twelve_numbers(full: str) -> 
     found = re.search(r'<script type="application/json" id="scenes">(.*?)</script>', full, re.S)
     assert found
     scenes = json.loads(found[1])
-    assert {*scenes["overlays"]["kitti"]} == {"best", "median", "worst"}
-    shown = {f"kitti/{one['pair']}" for one in scenes["overlays"]["kitti"].values()}
+    assert {*scenes["examples"]["kitti"]} == {"best", "median", "worst"}
+    shown = {f"kitti/{one['pair']}" for one in scenes["examples"]["kitti"].values()}
     walked = {f"kitti/{one['pair']}" for one in scenes["walks"]["kitti"]}
     assert {name for name in scenes["clouds"] if name.startswith("kitti/")} == shown | walked
     assert all(len(cloud["source"]) == 3 for cloud in scenes["clouds"].values())
-    poses = scenes["overlays"]["kitti"]["worst"]["poses"]
+    poses = scenes["examples"]["kitti"]["worst"]["poses"]
     assert len(poses) > 15
     assert {len(one["pose"]) for one in poses.values()} == {12}
 
 
-def test_walks_without_their_clouds_are_left_out(contents: Contents) -> None:
-    assert 'id="walks"' not in render_page(replace(contents, walked={}))
+def test_a_page_without_walks_has_no_part_for_them(contents: Contents) -> None:
+    page = render_page(replace(contents, walks={}))
+    assert 'id="walks"' not in page
+    assert 'href="#walks"' not in page
 
 
 def test_a_script_element_cannot_be_ended_by_its_data(contents: Contents) -> None:
-    kitti = next(one for one in contents.overlays if one.facts.scenario == "kitti")
-    page = render_page(replace(contents, overlays=[replace(kitti, group="</script><!--x")]))
+    named = [replace(one, group="</script><!--x") for one in contents.examples]
+    page = render_page(replace(contents, examples=named))
     assert "</script><!--" not in page
     assert "<!--x" not in page
 
@@ -220,7 +249,7 @@ def test_provenance_names_revision_changes_digests_and_ablation_trainings(full: 
         "d" * 32,
         "Python 3.11.9, numpy 2.0.0, torch 2.4.0",
         "representation=euler,scaling=raw",
-        "10 epochs, 380 steps",
+        "6 epochs, 228 steps",
     ):
         assert said in section
     assert "not recorded" not in section

@@ -9,13 +9,16 @@ from pipeline.reporting.paper import (
     MAE_AND_ERROR,
     METHODS,
     PRINTED,
+    PRINTED_AT,
     SCENARIOS,
     UNSEEN_OBJECTS,
-    Number,
+    in_order,
     method_rank,
     printed,
     scenario_rank,
+    setting_rank,
     shown,
+    varied,
 )
 from tests.described import REPOSITORY
 
@@ -66,32 +69,38 @@ def find(tables: list[list[list[str]]], first: str, columns: int) -> list[list[s
     return found
 
 
-def expected(table: str) -> dict[Number, float]:
-    return {number: value for number, value in PRINTED.items() if number.table == table}
+Key = tuple[str, ...]
+"""Table, scenario, method, setting and metric."""
+
+
+def expected(table: str) -> dict[Key, float]:
+    """Our copy of a table, or of all tables whose number begins so."""
+    here = PRINTED[PRINTED["table"].str.startswith(table)]
+    found: dict[Key, float] = here.set_index(PRINTED_AT)["paper"].to_dict()
+    return found
 
 
 def test_every_number_of_table_1_is_the_papers(tables: list[list[list[str]]]) -> None:
     parts = iter([name for name, entry in SCENARIOS.items() if entry.table.startswith("1")])
-    found: dict[Number, float] = {}
+    found: dict[Key, float] = {}
     scenario = ""
     for row in find(tables, "RPMNet", 8):
         if "multicolumn" in row[0]:
             scenario = next(parts)
         elif row[0] in NAMES:
             key = (SCENARIOS[scenario].table, scenario, NAMES[row[0]], "paper")
-            found |= {Number(*key, m): v for m, v in zip(ACCURACY, numbers(row[1:7]), strict=True)}
-    ours = {number: v for number, v in PRINTED.items() if number.table.startswith("1")}
-    assert found == ours
+            found |= {(*key, m): v for m, v in zip(ACCURACY, numbers(row[1:7]), strict=True)}
+    assert found == expected("1")
     assert len(found) == 39 * 6
 
 
 def test_every_number_of_table_2_is_the_papers(tables: list[list[list[str]]]) -> None:
-    found: dict[Number, float] = {}
+    found: dict[Key, float] = {}
     for row in find(tables, "RPMNet", 13):
         if row[0] in NAMES:
             for scenario, cells in (("kitti", row[1:7]), ("3dmatch", row[7:])):
                 for metric, value in zip(ACCURACY, numbers(cells), strict=True):
-                    found[Number("2", scenario, NAMES[row[0]], "paper", metric)] = value
+                    found["2", scenario, NAMES[row[0]], "paper", metric] = value
     assert found == expected("2")
     assert len(found) == 9 * 12
 
@@ -127,7 +136,7 @@ def test_every_number_of_the_ablations_is_the_papers(
 ) -> None:
     rows = {row[0]: row[1:] for row in find(tables, next(iter(settings)), 5)}
     found = {
-        Number(table, UNSEEN_OBJECTS, *settings[name], metric): float(cell)
+        (table, UNSEEN_OBJECTS, *settings[name], metric): float(cell)
         for name in settings
         for metric, cell in zip(MAE_AND_ERROR, rows[name], strict=True)
         if cell != "-"
@@ -136,26 +145,44 @@ def test_every_number_of_the_ablations_is_the_papers(
 
 
 def test_every_number_of_table_6_is_the_papers(tables: list[list[list[str]]]) -> None:
-    found: dict[Number, float] = {}
+    found: dict[Key, float] = {}
     for row in find(tables, "RPMNet", 6):
         if row[0] in NAMES:
             seconds = "1e-10" if row[5].startswith(r"\textless") else row[5]
             for metric, cell in zip((*MAE_AND_ERROR, "seconds"), [*row[1:5], seconds], strict=True):
-                found[Number("6", UNSEEN_OBJECTS, NAMES[row[0]], "paper", metric)] = float(cell)
+                found["6", UNSEEN_OBJECTS, NAMES[row[0]], "paper", metric] = float(cell)
     assert found == expected("6")
 
 
-def test_the_authors_own_settings_stand_beside_the_same_number() -> None:
-    number = Number("1a", UNSEEN_OBJECTS, "rpmnet", "paper", "error_r_deg")
-    assert printed(number) == printed(number._replace(setting="official")) == 2.9619
+def test_every_number_is_there_once_and_above_zero() -> None:
+    assert len(PRINTED) == 440
+    assert not PRINTED.duplicated(PRINTED_AT).any()
+    assert (PRINTED["paper"] > 0).all()
 
 
 def test_a_number_the_paper_does_not_print_is_none() -> None:
-    number = Number("1d", "modelnet40-partial", "pcrdiffusion_cf", "paper", "error_r_deg")
-    assert printed(number) is None
+    assert printed("1a", UNSEEN_OBJECTS, "rpmnet") == 2.9619
+    assert printed("1a", UNSEEN_OBJECTS, "rpmnet", metric="mae_t") == 0.0170
+    assert printed("1d", "modelnet40-partial", "pcrdiffusion_cf") is None
+
+
+def test_a_setting_is_what_it_varies() -> None:
+    assert varied("steps=4,sampler=ddim") == {"steps": "4", "sampler": "ddim"}
+    assert varied("paper") == varied("") == {}
+
+
+def test_settings_follow_the_paper_and_numbers_their_size() -> None:
+    settings = ["fusion=source", "fusion=target", "fusion=other", "fusion=concat"]
+    assert sorted(settings, key=setting_rank) == [
+        "fusion=concat", "fusion=target", "fusion=source", "fusion=other"
+    ]  # fmt: skip
+    assert setting_rank("steps=8,sampler=ddpm") < setting_rank("steps=16,sampler=ddpm")
+    assert setting_rank("steps=16,sampler=ddpm") < setting_rank("steps=1,sampler=ddim")
+    assert setting_rank("noise=0.02") < setting_rank("noise=0.1")
 
 
 def test_a_method_or_scenario_nobody_named_comes_last_under_its_own_name() -> None:
     assert sorted(["zzz", "pcrdiffusion_cb", "identity"], key=method_rank)[-1] == "zzz"
     assert sorted(["aaa", "3dmatch", "kitti"], key=scenario_rank) == ["kitti", "3dmatch", "aaa"]
     assert shown("zzz").name == "zzz"
+    assert in_order(["zzz", "icp", "identity", "icp"]) == ["identity", "icp", "zzz"]

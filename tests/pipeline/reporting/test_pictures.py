@@ -1,75 +1,76 @@
-"""Pictures: which there are, that they are small and the same twice, and what panels show."""
+"""Pictures: which there are, that they are small and the same twice, and what they show."""
 
 import io
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.reporting.background import Training, read_pair_files, read_trainings
-from pipeline.reporting.charts import draw_accuracy_time, draw_difficulty
-from pipeline.reporting.difficulty import measure_difficulties
-from pipeline.reporting.overlays import Overlay, make_overlays
-from pipeline.reporting.panels import project
-from pipeline.reporting.pictures import draw_all
-from pipeline.reporting.result_files import Scores, read_results, read_times
-from pipeline.reporting.tables import Row, make_rows
-from tests.pipeline.reporting.made_up_results import EVERY_METHOD, write_everything
+from pipeline.reporting.clouds import Example, choose_examples
+from pipeline.reporting.pictures import draw_pair, draw_pictures, embedded, project
+from pipeline.reporting.reading import read_answers, read_pair_files
+from tests.pipeline.reporting.synthetic_results import EVERY_METHOD, write_everything
 
 SCENARIOS = ("modelnet40-unseen_objects", "modelnet40-partial", "kitti")
-
-
-class Inputs(NamedTuple):
-    """What is drawn."""
-
-    rows: list[Row]
-    overlays: list[Overlay]
-    trainings: list[Training]
-    scores: list[Scores]
+BLUE, ORANGE, GREEN = (0, 114, 178), (230, 159, 0), (0, 158, 115)
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("made_up")
+def examples(tmp_path_factory: pytest.TempPathFactory) -> list[Example]:
+    folder: Path = tmp_path_factory.mktemp("synthetic")
     write_everything(folder, SCENARIOS, 9, EVERY_METHOD)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def inputs(folder: Path) -> Inputs:
-    scores, times = read_results(folder / "results"), read_times(folder / "results")
     files = read_pair_files(folder / "pairs", SCENARIOS)
-    rows = make_rows(scores, times, measure_difficulties(files), seed=0)
-    trainings = read_trainings(folder / "models")
-    return Inputs(rows, make_overlays(scores, files), trainings, scores)
+    return choose_examples(read_answers(folder / "results"), files)
 
 
-def test_pictures_are_there_small_as_wide_as_a_screen_and_the_same_twice(inputs: Inputs) -> None:
-    pictures = draw_all(*inputs)
+def pixels(picture: bytes) -> np.ndarray:
+    """Height by width by RGB."""
+    return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), dtype=int)
+
+
+def share(image: np.ndarray, color: tuple[int, int, int]) -> float:
+    """The share of pixels that are nearly of a colour."""
+    return float((np.abs(image - color).max(axis=-1) < 30).mean())
+
+
+def test_pictures_are_there_small_as_wide_as_a_screen_and_the_same_twice(
+    examples: list[Example],
+) -> None:
+    pictures = draw_pictures(examples)
     assert sorted(pictures) == [
-        "ablations.png",
-        "accuracy_time.png",
-        "curves.png",
-        "difficulty.png",
-        "distributions.png",
-        "errors.png",
-        "panels_kitti.png",
-        "panels_modelnet40.png",
-        "steps.png",
-    ]
+        "pair_kitti.png", "pair_modelnet40.png", "panels_kitti.png", "panels_modelnet40.png"
+    ]  # fmt: skip
     assert all(len(content) < 400_000 for content in pictures.values())
-    sizes = {name: Image.open(io.BytesIO(content)).size for name, content in pictures.items()}
-    assert max(width for width, _ in sizes.values()) <= 1366
-    assert pictures == draw_all(*inputs)
+    assert all(len(pictures[name]) < 30_000 for name in pictures if name.startswith("pair"))
+    assert max(pixels(content).shape[1] for content in pictures.values()) <= 1366
+    assert pictures == draw_pictures(examples)
 
 
-def test_what_there_is_nothing_of_is_not_drawn(inputs: Inputs) -> None:
-    rows = [row for row in inputs.rows if row.table == "2" and row.kind == "line"]
-    only = [one for one in inputs.trainings if one.setting is not None]
-    pictures = draw_all(rows, inputs.overlays[1:], only)
-    assert sorted(pictures) == ["errors.png", "panels_kitti.png"]
+def test_what_there_is_nothing_of_is_not_drawn(examples: list[Example]) -> None:
+    only = [example for example in examples if example.dataset == "kitti"]
+    assert sorted(draw_pictures(only)) == ["pair_kitti.png", "panels_kitti.png"]
+    assert draw_pictures([]) == {}
+
+
+def test_a_pair_is_blue_before_and_green_after(examples: list[Example]) -> None:
+    image = pixels(draw_pair(examples[1]))
+    before, after = np.split(image, 2, axis=1)
+    assert share(before, BLUE) > 2e-3
+    assert share(before, ORANGE) > 2e-3
+    assert share(after, GREEN) > 2e-3
+    assert share(before, GREEN) == share(after, BLUE) == 0
+
+
+def test_another_answer_is_another_picture(examples: list[Example]) -> None:
+    median = examples[1]
+    other = replace(median, answers=median.answers[median.answers["method"] == "identity"])
+    assert draw_pair(median) != draw_pair(other)
+
+
+def test_a_picture_is_held_by_its_address() -> None:
+    assert embedded(b"PNG") == "data:image/png;base64,UE5H"
 
 
 def test_a_projection_keeps_lengths_and_puts_up_above() -> None:
@@ -77,10 +78,3 @@ def test_a_projection_keeps_lengths_and_puts_up_above() -> None:
     seen = project(points, 0.5)
     np.testing.assert_allclose(np.linalg.norm(seen, axis=1), np.linalg.norm(points, axis=1))
     assert project(np.array([[0.0, 0, 1]]), 0.5)[0, 1] > 0
-
-
-def test_charts_are_drawn_of_few_rows_too(inputs: Inputs) -> None:
-    noise = [row for row in inputs.rows if row.setting.startswith("noise=")]
-    assert draw_difficulty(noise).startswith(b"\x89PNG")
-    alone = [row for row in inputs.rows if (row.table, row.method) == ("6", "egst")]
-    assert draw_accuracy_time(alone).startswith(b"\x89PNG")  # the paper prints none of its numbers

@@ -2,19 +2,27 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
-from pipeline.reporting.background import read_pair_files
-from pipeline.reporting.difficulty import measure_difficulties
-from pipeline.reporting.findings import Finding, make_findings
+from pipeline.reporting.claims import Finding, make_findings
+from pipeline.reporting.difficulty import measure_difficulty
+from pipeline.reporting.numbers import make_numbers, spread_over_draws
 from pipeline.reporting.paper import UNSEEN_OBJECTS
-from pipeline.reporting.result_files import read_results, read_times
-from pipeline.reporting.tables import Row, make_rows
-from pipeline.reporting.weighing import above, below, said, weigh, weigh_same, weigh_some
-from tests.pipeline.reporting.made_up_results import (
+from pipeline.reporting.reading import read_answers, read_pair_files, read_times
+from pipeline.reporting.verdicts import (
+    Number,
+    Numbers,
+    above,
+    below,
+    said,
+    weigh,
+    weigh_same,
+    weigh_some,
+)
+from tests.pipeline.reporting.synthetic_results import (
     EVERY_METHOD,
     SCENARIOS,
     plain_row,
@@ -22,15 +30,14 @@ from tests.pipeline.reporting.made_up_results import (
     write_everything,
     write_rows,
 )
+from tests.pipeline.reporting.test_numbers import numbers_of
 
 CB = "pcrdiffusion_cb"
 
 
-def contrast(low: float, high: float, setting: str = "paper minus fgr:paper") -> Row:
-    value = (low + high) / 2
-    return Row(
-        "1a", UNSEEN_OBJECTS, "all", CB, setting, "error_r_deg", value, low, high, None, 9, 0
-    )
+def contrast(low: float, high: float, base: tuple[str, str] = ("fgr", "paper")) -> Number:
+    place = ("1a", UNSEEN_OBJECTS, CB, "paper", *base, "error_r_deg")
+    return Number(*place, (low + high) / 2, low, high, False)
 
 
 SIDES = {"below": contrast(-2, -1), "above": contrast(1, 2), "across": contrast(-1, 1)}
@@ -87,22 +94,24 @@ def test_no_difference_needs_a_narrow_interval_around_zero(
 def test_a_number_is_said_with_unit_sign_and_interval() -> None:
     assert said(contrast(1, 2)) == "+1.50° [+1.00, +2.00]"
     assert said(contrast(-2, -1)) == "-1.50° [-2.00, -1.00]"
-    assert said(contrast(1, 2, "paper")) == "1.50° [1.00, 2.00]"
+    assert said(contrast(1, 2, ("", ""))) == "1.50° [1.00, 2.00]"
+    assert said(contrast(-4e-8, 3)) == "+1.50° [< 1e-6, +3.00]"
 
 
 @pytest.fixture(scope="module")
-def rows(tmp_path_factory: pytest.TempPathFactory) -> list[Row]:
-    """Rows of every method and ablation."""
-    folder = tmp_path_factory.mktemp("made_up")
+def numbers(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
+    """Numbers of every method and ablation, spreads among them."""
+    folder = tmp_path_factory.mktemp("synthetic")
     write_everything(folder, SCENARIOS, 30, EVERY_METHOD)
-    scores, times = read_results(folder / "results"), read_times(folder / "results")
-    difficulties = measure_difficulties(read_pair_files(folder / "pairs", SCENARIOS))
-    return make_rows(scores, times, difficulties, seed=0)
+    answers, times = read_answers(folder / "results"), read_times(folder / "results")
+    difficulty = measure_difficulty(read_pair_files(folder / "pairs", SCENARIOS))
+    made = make_numbers(answers, times, difficulty, seed=0)
+    return pd.concat([made, spread_over_draws(made)], ignore_index=True)
 
 
 @pytest.fixture(scope="module")
-def findings(rows: list[Row]) -> list[Finding]:
-    return make_findings(rows)
+def findings(numbers: pd.DataFrame) -> list[Finding]:
+    return make_findings(numbers)
 
 
 def find(findings: Sequence[Finding], topic: str) -> Finding:
@@ -125,13 +134,13 @@ def test_every_sentence_has_a_number_with_its_interval(findings: Sequence[Findin
 
 
 def test_every_number_of_a_sentence_is_one_of_the_rows(
-    rows: list[Row], findings: Sequence[Finding]
+    numbers: pd.DataFrame, findings: Sequence[Finding]
 ) -> None:
-    known = {said(row) for row in rows}
+    rows = numbers[[*Number._fields]].itertuples(index=False, name=None)
+    known = {said(Number(*row)) for row in rows}
     told = [
         number
         for finding in findings
-        if "random start" not in finding.topic  # its numbers are made of several rows
         for sentence in finding.ours
         for number in re.findall(r"[+-]?[\d.e-]+(?:°| %| s) \[[^\]]*\]", sentence)
     ]
@@ -141,7 +150,7 @@ def test_every_number_of_a_sentence_is_one_of_the_rows(
 
 @pytest.mark.parametrize(
     ("topic", "verdict"),
-    [  # by how the made-up errors were drawn
+    [  # by how the synthetic errors were drawn
         ("Order of methods: ModelNet40, unseen objects", "confirmed"),
         ("Order of correspondence-free methods: ModelNet40, unseen objects", "not confirmed"),
         ("Improvement: correspondence-free", "not confirmed"),
@@ -150,7 +159,7 @@ def test_every_number_of_a_sentence_is_one_of_the_rows(
         ("Speed: correspondence-free", "confirmed"),
     ],
 )
-def test_made_up_errors_are_judged_as_they_were_made(
+def test_synthetic_errors_are_judged_as_they_were_made(
     findings: Sequence[Finding], topic: str, verdict: str
 ) -> None:
     assert find(findings, topic).verdict == verdict
@@ -158,16 +167,14 @@ def test_made_up_errors_are_judged_as_they_were_made(
 
 def test_nothing_is_claimed_of_what_was_not_run(tmp_path: Path) -> None:
     write_rows(result_file(tmp_path, "kitti", "identity"), [plain_row(0, off_deg=1.0)])
-    found = make_findings(make_rows(read_results(tmp_path), seed=0))
+    found = make_findings(numbers_of(tmp_path))
     assert {finding.verdict for finding in found} == {"not run"}
 
 
 def test_one_rival_ahead_refutes_an_order_though_others_are_missing(tmp_path: Path) -> None:
     write_rows(result_file(tmp_path, "kitti", CB), [plain_row(0, off_deg=1.0)])
     write_rows(result_file(tmp_path, "kitti", "fgr"), [plain_row(0, off_deg=0.5)])
-    finding = find(
-        make_findings(make_rows(read_results(tmp_path), seed=0)), "Order of methods: KITTI"
-    )
+    finding = find(make_findings(numbers_of(tmp_path)), "Order of methods: KITTI")
     assert finding.verdict == "not confirmed"
     assert finding.ours[1] == (
         "It is behind 1 of 8 (its error minus theirs): FGR +1.00° [+1.00, +1.00]."
@@ -175,18 +182,30 @@ def test_one_rival_ahead_refutes_an_order_though_others_are_missing(tmp_path: Pa
     assert "7 were not run" in finding.ours[2]
 
 
-def test_two_settings_that_learnt_nothing_are_not_weighed(rows: Sequence[Row]) -> None:
-    def changed(kind: str, value: float, among: Sequence[Row]) -> list[Row]:
-        return [
-            replace(row, value=value, low=value - 1, high=value + 1)
-            if (row.table, row.method, row.kind) == ("3", CB, kind)
-            else row
-            for row in among
-        ]
+def test_two_settings_that_learnt_nothing_are_not_weighed(numbers: pd.DataFrame) -> None:
+    def changed(kind: str, value: float, among: pd.DataFrame) -> pd.DataFrame:
+        at = (among["table"] == "3") & (among["method"] == CB) & (among["kind"] == kind)
+        among = among.copy()
+        among.loc[at, ["value", "low", "high"]] = [value, value - 1, value + 1]
+        return among
 
-    ahead = changed("contrast", -5.0, rows)
+    ahead = changed("contrast", -5.0, numbers)
     before = find(make_findings(ahead), "Gain by diffusion: CB")
     assert before.verdict == "confirmed"
     after = find(make_findings(changed("line", 90.0, ahead)), "Gain by diffusion: CB")
     assert after.verdict == "undecided"
     assert after.ours[-1].startswith("Neither is below the constant pose, ")
+
+
+def test_numbers_are_found_by_where_they_stand(numbers: pd.DataFrame) -> None:
+    found = Numbers(numbers)
+    main = found.main(UNSEEN_OBJECTS, CB)
+    assert main == found.at("1a", UNSEEN_OBJECTS, CB, "paper")
+    versus = found.versus(UNSEEN_OBJECTS, CB, "fgr")
+    assert versus
+    assert (versus.base_method, versus.base_setting) == ("fgr", "paper")
+    assert found.versus(UNSEEN_OBJECTS, CB, "nobody") is None
+    assert found.settings("noise", CB) == [f"noise={sd}" for sd in (0.0, 0.005, 0.01, 0.02, 0.04)]
+    assert len(found.settings("steps", CB)) == 10  # no further draws
+    assert found.ablated("steps", CB, "steps=3,sampler=ddpm") is None
+    assert {*found.methods(UNSEEN_OBJECTS)} == {*EVERY_METHOD}

@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.formats.answers import ANSWER
 from pipeline.formats.pairs import read_pairs
-from pipeline.reporting.background import read_pair_files, read_trainings
-from pipeline.reporting.result_files import COLUMNS, headlines, read_results, read_times
-from tests.pipeline.reporting.made_up_results import (
+from pipeline.reporting.clouds import pose_of
+from pipeline.reporting.reading import (
+    read_all_walks,
+    read_answers,
+    read_pair_files,
+    read_times,
+    read_trainings,
+)
+from tests.pipeline.reporting.synthetic_results import (
     ROTATION_ERROR_DEG,
     plain_row,
     result_file,
@@ -29,27 +34,28 @@ def file(tmp_path: Path) -> Path:
 def test_reads_rows_in_the_order_of_the_pairs(tmp_path: Path) -> None:
     rows = [plain_row(pair, off_deg=float(pair)) for pair in (2, 0, 1)]
     write_rows(tmp_path / FILE, rows)
-    (scores,) = read_results(tmp_path)
-    assert scores.pair.tolist() == [0, 1, 2]
-    assert scores.numbers["rx_deg"].tolist() == [0.0, 1.0, 2.0]
-    np.testing.assert_array_equal(scores.T_target_source(), np.tile(np.eye(4), (3, 1, 1)))
+    answers = read_answers(tmp_path)
+    assert answers["pair"].tolist() == [0, 1, 2]
+    assert answers["rx_deg"].tolist() == [0.0, 1.0, 2.0]
+    for answer in answers.to_dict("records"):
+        np.testing.assert_array_equal(pose_of(answer), np.eye(4))
 
 
 def test_keeps_settings_of_one_file_apart(tmp_path: Path) -> None:
     rows = [plain_row(0), plain_row(0, off_deg=1.0) | {"setting": "official"}]
     write_rows(tmp_path / FILE, rows)
-    assert [one.setting for one in read_results(tmp_path)] == ["official", "paper"]
+    assert read_answers(tmp_path)["setting"].tolist() == ["official", "paper"]
 
 
 def test_a_failure_with_a_comma_and_quotes_is_a_failure(tmp_path: Path) -> None:
     rows = [plain_row(0) | {"failure": 'fgr needs 3 matches, got "none"'}, plain_row(1)]
     write_rows(tmp_path / FILE, rows)
-    assert read_results(tmp_path)[0].failed.tolist() == [True, False]
+    assert read_answers(tmp_path)["failed"].tolist() == [True, False]
 
 
 def test_refuses_an_empty_folder(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="found none"):
-        read_results(tmp_path)
+        read_answers(tmp_path)
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.3, 0.5, 0.9, 0.999])
@@ -57,19 +63,19 @@ def test_refuses_a_file_cut_anywhere_in_a_line(file: Path, kept: float) -> None:
     content = file.read_bytes()
     file.write_bytes(content[: int(kept * len(content))])
     with pytest.raises(ValueError, match=r"unseen_objects\.csv needs"):
-        read_results(file.parents[1])
+        read_answers(file.parents[1])
 
 
 def test_refuses_a_file_cut_between_lines_when_a_neighbour_has_more(file: Path) -> None:
     write_rows(file.parents[1] / "fgr" / file.name, [plain_row(pair) for pair in range(2)])
     with pytest.raises(ValueError, match=r"fgr/\S+\.csv needs all 3 pairs .* has 2"):
-        read_results(file.parents[1])
+        read_answers(file.parents[1])
 
 
 def test_refuses_a_pair_twice(tmp_path: Path) -> None:
     write_rows(tmp_path / FILE, [plain_row(0), plain_row(0)])
     with pytest.raises(ValueError, match=r"unseen_objects\.csv .* pair 0 twice"):
-        read_results(tmp_path)
+        read_answers(tmp_path)
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "", "one"])
@@ -78,7 +84,7 @@ def test_refuses_what_is_no_finite_number(tmp_path: Path, text: str) -> None:
     with pytest.raises(
         ValueError, match=r"unseen_objects\.csv needs a finite number in column error_t"
     ):
-        read_results(tmp_path)
+        read_answers(tmp_path)
 
 
 def test_refuses_missing_and_unknown_columns(tmp_path: Path) -> None:
@@ -86,26 +92,26 @@ def test_refuses_missing_and_unknown_columns(tmp_path: Path) -> None:
     del row["ty"]
     write_rows(tmp_path / FILE, [row])
     with pytest.raises(ValueError, match=r"unseen_objects\.csv needs the columns ty"):
-        read_results(tmp_path)
+        read_answers(tmp_path)
     write_rows(tmp_path / FILE, [plain_row(0) | {"colour": "red"}])
     with pytest.raises(
         ValueError, match=r"unseen_objects\.csv has columns nobody here reads: colour"
     ):
-        read_results(tmp_path)
+        read_answers(tmp_path)
 
 
 def test_reads_trainings_and_leaves_gaps_where_nothing_was_validated(tmp_path: Path) -> None:
     write_everything(tmp_path, ("modelnet40-unseen_objects",), 2)
     first = read_trainings(tmp_path / "models")[0]
     assert first.budget["best_epoch"] == 28
-    assert first.curve["val_error_r_deg"][0] is None
-    assert first.curve["loss"][0] is not None
+    assert np.isnan(first.curve["val_error_r_deg"][0])
+    assert first.curve["loss"].notna().all()
 
 
 def test_reads_an_ablations_trainings_under_the_names_they_give(tmp_path: Path) -> None:
     write_everything(tmp_path, ("modelnet40-unseen_objects",), 2)
     trainings = read_trainings(tmp_path / "models")
-    main = [one for one in trainings if one.setting is None]
+    main = [one for one in trainings if not one.setting]
     assert [one.method for one in main] == ["pcrdiffusion_cb", "pcrdiffusion_cf"]
     ablated = {(one.method, one.setting): one for one in trainings if one.setting}
     assert len(ablated) == 4 + 12 + 3
@@ -119,7 +125,8 @@ def test_reads_trainings_at_any_depth_and_believes_the_names_in_them(tmp_path: P
     folder.mkdir(parents=True)
     (folder / "facts.json").write_text('{"scenario": "kitti", "method": "pcrnet", "epochs": 3}')
     (one,) = read_trainings(tmp_path)
-    assert (one.scenario, one.method, one.setting, one.curve) == ("kitti", "pcrnet", None, {})
+    assert (one.scenario, one.method, one.setting) == ("kitti", "pcrnet", "")
+    assert one.curve.empty
     assert one.budget["epochs"] == 3
     (folder / "facts.json").write_text('{"scenario": "kitti", "epochs": 3}')
     with pytest.raises(ValueError, match=r"facts\.json needs the names of scenario, method, has"):
@@ -144,15 +151,16 @@ def timed(pair: int = 0, **more: str) -> dict[str, object]:
 
 def test_reads_times_and_leaves_them_and_walks_out_of_the_results(tmp_path: Path) -> None:
     write_everything(tmp_path, ("modelnet40-unseen_objects",), 7)
-    scores, times = read_results(tmp_path / "results"), read_times(tmp_path / "results")
-    assert {one.scenario for one in scores} == {"modelnet40-unseen_objects"}
-    assert {one.method for one in times} == {*ROTATION_ERROR_DEG}
-    assert times[0].pair.tolist() == [0, 1, 2, 3, 4]
-    assert (times[0].numbers["peak_memory_mib"] > 30).all()
+    answers, times = read_answers(tmp_path / "results"), read_times(tmp_path / "results")
+    assert {*answers["scenario"]} == {"modelnet40-unseen_objects"}
+    assert {*times["method"]} == {*ROTATION_ERROR_DEG}
+    assert times.loc[times["method"] == "icp", "pair"].tolist() == [0, 1, 2, 3, 4]
+    assert (times["peak_memory_mib"] > 30).all()
 
 
 def test_no_times_are_no_fault(tmp_path: Path) -> None:
-    assert read_times(tmp_path) == []
+    assert read_times(tmp_path).empty
+    assert read_all_walks(tmp_path) == {}
 
 
 @pytest.mark.parametrize(
@@ -178,8 +186,9 @@ def test_headlines_are_of_the_papers_setting_where_there_is_one(tmp_path: Path) 
     write_rows(tmp_path / FILE, both)
     write_rows(result_file(tmp_path, "kitti", "gicp"), both[1:])
     write_rows(tmp_path / "ablations" / "steps.csv", [{"method": "icp", **both[0]}])
-    found = headlines(read_results(tmp_path))
-    assert {key: one.setting for key, one in found.items()} == {
+    answers = read_answers(tmp_path)
+    found = answers[answers["headline"]].set_index(["scenario", "method"])["setting"]
+    assert found.to_dict() == {
         ("modelnet40-unseen_objects", "icp"): "paper",
         ("kitti", "gicp"): "official",
     }
@@ -206,14 +215,27 @@ def test_a_pair_file_tells_what_it_is_and_gives_its_test_split(tmp_path: Path) -
     write_everything(tmp_path, ("kitti", "3dmatch"), 3)
     files = read_pair_files(tmp_path / "pairs", ["kitti", "kitti"])
     assert [*files] == ["kitti"]
-    facts = files["kitti"].facts
-    assert (facts.scenario, facts.source, facts.unit) == ("kitti", "synthetic", "m")
-    assert (facts.seed, facts.schema, facts.test_pairs) == (7, 1, 3)
-    assert facts.provenance["max_rotation_deg"] == 45.0
+    file = files["kitti"]
+    assert (file.scenario, file.source, file.unit) == ("kitti", "synthetic", "m")
+    assert (file.seed, file.schema, len(file.test)) == (7, 1, 3)
+    assert file.provenance["max_rotation_deg"] == 45.0
     test = read_pairs(tmp_path / "pairs" / "kitti.h5", "test")
     torch.testing.assert_close(files["kitti"].test.source, test.source, rtol=0, atol=0)
     torch.testing.assert_close(files["kitti"].test.target, test.target, rtol=0, atol=0)
 
 
-def test_the_columns_are_those_the_evaluate_stage_writes() -> None:
-    assert tuple(ANSWER) == COLUMNS
+def test_further_draws_are_sets_of_their_own(tmp_path: Path) -> None:
+    drawn = [plain_row(0) | {"setting": f"steps=2,sampler=ddpm{end}"} for end in ("", ",draw=7")]
+    write_rows(tmp_path / "ablations" / "steps.csv", [{"method": "icp", **row} for row in drawn])
+    answers = read_answers(tmp_path)
+    assert answers["setting"].tolist() == ["steps=2,sampler=ddpm"] * 2
+    assert answers["draw"].tolist() == [0, 7]
+    assert {*answers["table"]} == {"7"}
+    assert not answers["headline"].any()
+
+
+def test_an_ablation_is_of_the_scenario_that_it_names(tmp_path: Path) -> None:
+    row = {"method": "icp", "scenario": "kitti", **plain_row(0), "setting": "noise=0.1"}
+    write_rows(tmp_path / "ablations" / "noise" / "icp.csv", [row])
+    (answer,) = read_answers(tmp_path).to_dict("records")
+    assert (answer["scenario"], answer["ablation"], answer["table"]) == ("kitti", "noise", "extra")

@@ -1,4 +1,4 @@
-"""A made-up run of `make bench`."""
+"""A synthetic run of `make bench`."""
 
 from pipeline.formats.benchmarks import Benchmarks, Ceiling, Latency, PeakMemory, Ratio
 from pipeline.reporting.paper import METHODS

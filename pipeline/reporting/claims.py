@@ -1,29 +1,32 @@
-"""What the results say of each claim of the paper: the page "What we found".
+"""The claims of the paper, and what the results say of each: the part "What we found".
 
-The rule of the verdicts is ``RULE``; it is printed above the findings.
+The rule of the verdicts is ``verdicts.RULE``; it is printed above the findings.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
+import pandas as pd
+
+from pipeline.reporting.numbers import IMPROVEMENT, SPREAD
 from pipeline.reporting.paper import (
-    MAE_AND_ERROR,
+    ABLATIONS,
     PRINTED,
     RIVALS,
     SCENARIOS,
     TIMING,
     UNSEEN_OBJECTS,
-    Number,
-    method_rank,
+    in_order,
     place,
+    printed,
     shown,
 )
-from pipeline.reporting.tables import IMPROVEMENT, Row
-from pipeline.reporting.views import natural, setting_rank, spread
-from pipeline.reporting.weighing import ELSEWHERE as ELSEWHERE
-from pipeline.reporting.weighing import (
+from pipeline.reporting.verdicts import (
     NO_DIFFERENCE_DEG,
+    Number,
     Numbers,
+    Verdict,
     above,
     below,
     listed,
@@ -33,21 +36,22 @@ from pipeline.reporting.weighing import (
     weigh_same,
     weigh_some,
 )
-from pipeline.reporting.weighing import RULE as RULE
-from pipeline.reporting.weighing import Verdict as Verdict
 
 CF, CB = "pcrdiffusion_cf", "pcrdiffusion_cb"
 FAMILY = {CF: "correspondence-free", CB: "correspondence-based"}
 HALF_PERCENT = 50.0
-ONE_STEP = "steps=1,sampler=ddpm"
-NOISY = ("extra", UNSEEN_OBJECTS, CB)
-"""Table, scenario and method of the ablation ``noise``."""
+ONE_STEP, SIXTEEN_STEPS = "steps=1,sampler=ddpm", "steps=16,sampler=ddpm"
 SPEEDS = {
     CF: "Table 6: below 1e-10 s, less than one operation of a processor takes",
     CB: "Table 6: 0.0986 s; but it prints 0.0042 s for ICP and 0.0916 s for FGR",
 }
 UNWEIGHED = ("quick", "tables")
 """Profiles that train too little for a verdict."""
+ELSEWHERE = (
+    "The paper's claims are weighed in the report on real data, `reports/real/results.md`; this one"
+    " gives no verdicts."
+)
+"""Stands in a report without findings."""
 FULL_OVERLAP = tuple(name for name, at in SCENARIOS.items() if at.table in ("1a", "1b", "1c", "2"))
 
 
@@ -64,74 +68,58 @@ class Finding:
     verdict: Verdict
 
 
-def make_findings(rows: Sequence[Row]) -> list[Finding]:
-    """Weigh every claim of the paper against the rows of ``results.csv``."""
-    numbers = Numbers(rows)
-    families = [(CF, name) for name in SCENARIOS if _printed(name, CF) is not None]
+def make_findings(numbers: pd.DataFrame) -> list[Finding]:
+    """Weigh every claim of the paper against the numbers, spreads among them."""
+    found = Numbers(numbers)
+    tried = {method: [name for name in SCENARIOS if _theirs(name, method)] for method in (CF, CB)}
     return [
-        *(_best_of_all(numbers, name) for name in SCENARIOS if _printed(name, CB) is not None),
-        *(_best_of_family(numbers, name, method) for method, name in families),
-        *(_improves_by_half(numbers, method) for method in (CF, CB)),
-        _full_overlap(numbers),
-        *(_diffusion(numbers, method) for method in (CF, CB)),
-        _euler(numbers),
-        _concat(numbers),
-        _fused_with_target(numbers),
-        *_steps(numbers, rows),
-        *(_fastest(numbers, method) for method in (CF, CB)),
-        _noise(numbers),
+        *(_order(found, name, CB, _compared(name), "") for name in tried[CB]),
+        *(_order(found, name, CF, RIVALS[CF], f"{FAMILY[CF]} ") for name in tried[CF]),
+        *(_improves_by_half(found, method) for method in (CF, CB)),
+        _full_overlap(found),
+        *(_diffusion(found, method) for method in (CF, CB)),
+        _euler(found),
+        _concat(found),
+        _fused_with_target(found),
+        *_steps(found),
+        _start(found),
+        *(_fastest(found, method) for method in (CF, CB)),
+        _noise(found),
     ]
 
 
-def _printed(
-    scenario: str, method: str, metric: str = "error_r_deg", setting: str = "paper"
-) -> float | None:
-    return PRINTED.get(Number(place(scenario).table, scenario, method, setting, metric))
+def _theirs(scenario: str, method: str) -> float:
+    """Give the paper's ERROR(R) in Tables 1 and 2, 0 where it prints none."""
+    return printed(place(scenario).table, scenario, method) or 0.0
 
 
-def _compared(scenario: str, method: str) -> list[str]:
-    """Name the others the paper prints a row for."""
-    others = {
-        n.method for n in PRINTED if (n.table, n.scenario) == (place(scenario).table, scenario)
-    }
-    return sorted(others - {method}, key=method_rank)
+def _compared(scenario: str) -> list[str]:
+    """Name the methods beside CB that the paper prints a row for."""
+    here = (PRINTED["table"] == place(scenario).table) & (PRINTED["scenario"] == scenario)
+    return in_order({*PRINTED[here]["method"]} - {CB})
 
 
-def _best_of_all(numbers: Numbers, scenario: str) -> Finding:
-    others = _compared(scenario, CB)
-    printed = {method: _printed(scenario, method) or 0.0 for method in (CB, *others)}
-    best = min(others, key=lambda method: printed[method])
-    contrasts = [numbers.versus(scenario, CB, other) for other in others]
-    return Finding(
-        topic=f"Order of methods: {place(scenario).title}",
-        claim=(
-            f"PCRDiffusion CB errs least of all methods: {printed[CB]}°, the next"
-            f" ({shown(best).name}) {printed[best]}° (Table {place(scenario).table})."
-        ),
-        ours=(*_told(numbers, scenario, CB, contrasts), *_beyond(numbers, scenario, others)),
-        verdict=weigh(contrasts, below, above),
-    )
-
-
-def _best_of_family(numbers: Numbers, scenario: str, method: str) -> Finding:
-    others = RIVALS[method]
-    printed = {name: _printed(scenario, name) or 0.0 for name in (method, *others)}
-    best = min(others, key=lambda name: printed[name])
+def _order(
+    numbers: Numbers, scenario: str, method: str, others: Sequence[str], family: str
+) -> Finding:
+    """Weigh that a method errs least of all, or of its family (a word and a space)."""
+    best = min(others, key=lambda name: _theirs(scenario, name))
     contrasts = [numbers.versus(scenario, method, other) for other in others]
+    beyond = () if family else _beyond(numbers, scenario, others)
     return Finding(
-        topic=f"Order of {FAMILY[method]} methods: {place(scenario).title}",
+        topic=f"Order of {family}methods: {place(scenario).title}",
         claim=(
-            f"{shown(method).name} errs least of the {FAMILY[method]} methods:"
-            f" {printed[method]}°, the next ({shown(best).name}) {printed[best]}°"
-            f" (Table {place(scenario).table})."
+            f"{shown(method).name} errs least of {'the' if family else 'all'} {family}methods:"
+            f" {_theirs(scenario, method)}°, the next ({shown(best).name})"
+            f" {_theirs(scenario, best)}° (Table {place(scenario).table})."
         ),
-        ours=_told(numbers, scenario, method, contrasts),
+        ours=(*_told(numbers, scenario, method, contrasts), *beyond),
         verdict=weigh(contrasts, below, above),
     )
 
 
 def _told(
-    numbers: Numbers, scenario: str, method: str, contrasts: Sequence[Row | None]
+    numbers: Numbers, scenario: str, method: str, contrasts: Sequence[Number | None]
 ) -> tuple[str, ...]:
     """Say how far ahead or behind a method is: a sentence for each side."""
     mine = numbers.main(scenario, method)
@@ -166,13 +154,10 @@ def _beyond(numbers: Numbers, scenario: str, compared: Sequence[str]) -> tuple[s
     told = f"Of {len(left_out)} methods and floors the paper leaves out, it is behind {len(ahead)}"
     mine = numbers.main(scenario, CB)
     better = [row for row in numbers.official(scenario) if mine and row.value < mine.value]
+    said_better = f"With their authors' own settings these err less: {', '.join(map(say, better))}."
     return (
         *([f"{told}{': ' if ahead else ''}{listed(ahead)}."] if left_out else []),
-        *(
-            [f"With their authors' own settings these err less: {', '.join(map(say, better))}."]
-            if better
-            else []
-        ),
+        *([said_better] if better else []),
     )
 
 
@@ -180,11 +165,8 @@ def _improves_by_half(numbers: Numbers, method: str) -> Finding:
     rows, sentences = [], []
     for scenario in SCENARIOS:
         found = [row for other in RIVALS[method] if (row := numbers.main(scenario, other))]
-        if not found or numbers.main(scenario, method) is None:
-            continue
-        best = min(found, key=lambda row: row.value).method
-        row = numbers.versus(scenario, method, best, IMPROVEMENT)
-        if row is not None:
+        best = min(found, key=lambda row: row.value).method if found else ""
+        if row := numbers.versus(scenario, method, best, IMPROVEMENT):
             rows.append(row)
             sentences.append(f"{place(scenario).title}: {said(row)}, against {shown(best).name}.")
     return Finding(
@@ -197,24 +179,22 @@ def _improves_by_half(numbers: Numbers, method: str) -> Finding:
         ),
         ours=tuple(sentences),
         verdict=weigh_some(
-            rows, lambda row: above(row, HALF_PERCENT), lambda row: below(row, HALF_PERCENT)
+            rows, partial(above, bound=HALF_PERCENT), partial(below, bound=HALF_PERCENT)
         ),
     )
 
 
 def _in_the_paper(method: str) -> str:
     """Say the improvement that follows from the numbers the paper prints for unseen objects."""
-    printed = {name: _printed(UNSEEN_OBJECTS, name) or 0.0 for name in (method, *RIVALS[method])}
-    best = min(RIVALS[method], key=lambda name: printed[name])
-    percent = 100 * (1 - printed[method] / printed[best])
+    best = min(RIVALS[method], key=lambda name: _theirs(UNSEEN_OBJECTS, name))
+    percent = 100 * (1 - _theirs(UNSEEN_OBJECTS, method) / _theirs(UNSEEN_OBJECTS, best))
     return f"Its own Table 1a gives {percent:.1f} % over {shown(best).name}."
 
 
 def _full_overlap(numbers: Numbers) -> Finding:
     here = [name for name in FULL_OVERLAP if numbers.main(name, CB)]
     contrasts = [numbers.versus(name, CB, "icp_centroid") for name in here]
-    errors = [_printed(name, "icp") or 0.0 for name in FULL_OVERLAP]
-    theirs = [_printed(name, CB) or 0.0 for name in FULL_OVERLAP]
+    icp, cb = ([_theirs(name, method) for name in FULL_OVERLAP] for method in ("icp", CB))
     sentences = [
         f"{place(name).title}: started from the centroids, {say(floor, 'ICP')};"
         f" CB minus that {said(contrast)}."
@@ -224,8 +204,8 @@ def _full_overlap(numbers: Numbers) -> Finding:
     return Finding(
         topic="Difficulty of the settings with full overlap",
         claim=(
-            f"Where both clouds show the whole shape, ICP errs by {min(errors):.1f}° to"
-            f" {max(errors):.1f}° and CB by {min(theirs):.1f}° to {max(theirs):.1f}° (Tables 1a to"
+            f"Where both clouds show the whole shape, ICP errs by {min(icp):.1f}° to"
+            f" {max(icp):.1f}° and CB by {min(cb):.1f}° to {max(cb):.1f}° (Tables 1a to"
             " 1c and 2); the paper's ICP does not start from the centroids."
         ),
         ours=tuple(sentences),
@@ -233,29 +213,22 @@ def _full_overlap(numbers: Numbers) -> Finding:
     )
 
 
-def _ablated(
-    numbers: Numbers, table: str, method: str, settings: tuple[str, str]
-) -> tuple[Row | None, tuple[str, ...], bool]:
+def _two_settings(
+    numbers: Numbers, ablation: str, method: str, mine: str, base: str
+) -> tuple[Number | None, tuple[str, ...], bool]:
     """Give the contrast of two settings, the sentences that say it, and whether either learnt.
 
     What does not beat the mean training pose has learnt nothing that could differ.
     """
-    mine, base = settings
-    contrast = numbers.at(table, UNSEEN_OBJECTS, method, f"{mine} minus {base}")
-    ours = [numbers.at(table, UNSEEN_OBJECTS, method, setting) for setting in settings]
-    told = [f"{setting}: {said(row)}." for setting, row in zip(settings, ours, strict=True) if row]
+    contrast = numbers.ablated(ablation, method, mine, base)
+    ours = {setting: numbers.ablated(ablation, method, setting) for setting in (mine, base)}
     constant = numbers.main(UNSEEN_OBJECTS, "constant")
-    learnt = constant is None or any(row and below(row, constant.value) for row in ours)
-    idle = f"Neither is below the constant pose, {said(constant)}." if constant else ""
-    return (
-        contrast,
-        (
-            *([f"{mine} minus {base}: {said(contrast)}."] if contrast else []),
-            *told,
-            *([] if learnt else [idle]),
-        ),
-        learnt,
-    )
+    learnt = not constant or any(row and below(row, constant.value) for row in ours.values())
+    told = [f"{mine} minus {base}: {said(contrast)}."] if contrast else []
+    told += [f"{setting}: {said(row)}." for setting, row in ours.items() if row]
+    if constant and not learnt:
+        told.append(f"Neither is below the constant pose, {said(constant)}.")
+    return contrast, tuple(told), learnt
 
 
 def _weighed(verdict: Verdict, learnt: bool) -> Verdict:
@@ -263,18 +236,19 @@ def _weighed(verdict: Verdict, learnt: bool) -> Verdict:
     return verdict if learnt or verdict == "not run" else "undecided"
 
 
-def _theirs(table: str, method: str, setting: str, metric: str = MAE_AND_ERROR[2]) -> float:
-    return PRINTED[Number(table, UNSEEN_OBJECTS, method, setting, metric)]
+def _printed(ablation: str, method: str, setting: str) -> float | None:
+    return printed(ABLATIONS[ablation].table, UNSEEN_OBJECTS, method, setting)
 
 
 def _diffusion(numbers: Numbers, method: str) -> Finding:
-    contrast, told, learnt = _ablated(numbers, "3", method, ("diffusion=with", "diffusion=without"))
+    with_it, without = "diffusion=with", "diffusion=without"
+    contrast, told, learnt = _two_settings(numbers, "diffusion", method, with_it, without)
+    theirs = [_printed("diffusion", method, setting) for setting in (with_it, without)]
     return Finding(
         topic=f"Gain by diffusion: {shown(method).name[-2:]}",
         claim=(
-            f"Without diffusion the error of {shown(method).name} rises from"
-            f" {_theirs('3', method, 'diffusion=with')}° to"
-            f" {_theirs('3', method, 'diffusion=without')}° (Table 3)."
+            f"Without diffusion the error of {shown(method).name} rises from {theirs[0]}° to"
+            f" {theirs[1]}° (Table 3)."
         ),
         ours=told,
         verdict=_weighed(weigh([contrast], below, above), learnt),
@@ -282,24 +256,19 @@ def _diffusion(numbers: Numbers, method: str) -> Finding:
 
 
 def _euler(numbers: Numbers) -> Finding:
-    raw = "representation={},scaling=raw"
-    base = raw.format("quaternion")
-    settings = (raw.format("euler"), base)
-    contrast, told, learnt = _ablated(numbers, "4", CB, settings)
+    base, euler = (f"representation={name},scaling=raw" for name in ("quaternion", "euler"))
+    contrast, told, learnt = _two_settings(numbers, "representation", CB, euler, base)
+    theirs = [_printed("representation", CB, setting) for setting in (base, euler)]
     others = [
         f"{setting} minus {base}: {said(row)}."
-        for setting in sorted(
-            numbers.settings("4", UNSEEN_OBJECTS, CB, "representation="), key=setting_rank
-        )
-        if setting not in settings
-        and (row := numbers.at("4", UNSEEN_OBJECTS, CB, f"{setting} minus {base}"))
+        for setting in numbers.settings("representation", CB)
+        if setting != euler and (row := numbers.ablated("representation", CB, setting, base))
     ]
     return Finding(
         topic="Representation",
         claim=(
             "Diffusing a quaternion and a translation is better than Euler angles and a"
-            f" translation: {_theirs('4', CB, base)}° against {_theirs('4', CB, settings[0])}°"
-            " (Table 4)."
+            f" translation: {theirs[0]}° against {theirs[1]}° (Table 4)."
         ),
         ours=(*told, *others),
         verdict=_weighed(weigh([contrast], above, below), learnt),
@@ -307,45 +276,40 @@ def _euler(numbers: Numbers) -> Finding:
 
 
 def _concat(numbers: Numbers) -> Finding:
-    setting = "fusion=concat minus constant:paper"
-    contrast = numbers.at("5", UNSEEN_OBJECTS, CF, setting)
-    _, told, _ = _ablated(numbers, "5", CF, ("fusion=concat", "fusion=source"))
-    against = f"fusion=concat minus the constant pose: {said(contrast)}." if contrast else ""
+    contrast = numbers.ablated("fusion", CF, "fusion=concat", ("constant", "paper"))
+    _, told, _ = _two_settings(numbers, "fusion", CF, "fusion=concat", "fusion=source")
+    against = [f"fusion=concat minus the constant pose: {said(contrast)}."] if contrast else []
     return Finding(
         topic="Fusion: concatenation",
         claim=(
             "Concatenating the features of the noisy pose and of both clouds does not converge"
             " (Table 5, no numbers). We read: it does not beat the mean training pose."
         ),
-        ours=(*([against] if against else []), *told),
+        ours=(*against, *told),
         verdict=weigh([contrast], above, below),
     )
 
 
 def _fused_with_target(numbers: Numbers) -> Finding:
-    contrast, told, learnt = _ablated(numbers, "5", CF, ("fusion=target", "fusion=source"))
+    source, target = "fusion=source", "fusion=target"
+    contrast, told, learnt = _two_settings(numbers, "fusion", CF, target, source)
+    theirs = [_printed("fusion", CF, setting) for setting in (source, target)]
     return Finding(
         topic="Fusion: source or target",
         claim=(
             "Whether the noisy pose is fused with the source or the target makes no significant"
-            f" difference: {_theirs('5', CF, 'fusion=source')}° and"
-            f" {_theirs('5', CF, 'fusion=target')}° (Table 5)."
+            f" difference: {theirs[0]}° and {theirs[1]}° (Table 5)."
         ),
         ours=told,
         verdict=_weighed(weigh_same([contrast]), learnt),
     )
 
 
-def _steps(numbers: Numbers, rows: Sequence[Row]) -> list[Finding]:
-    settings = numbers.settings("7", UNSEEN_OBJECTS, CF, "steps=")
-    more = sorted((name for name in settings if "ddpm" in name and name != ONE_STEP), key=natural)
-    found = [
-        row
-        for name in more
-        if (row := numbers.at("7", UNSEEN_OBJECTS, CF, f"{name} minus {ONE_STEP}"))
-    ]
-    told = tuple(f"{row.setting}: {said(row)}." for row in found)
-    one, two = (_theirs("7", CF, f"steps={n},sampler=ddpm") for n in (1, 2))
+def _steps(numbers: Numbers) -> list[Finding]:
+    more = [name for name in numbers.settings("steps", CF) if "ddpm" in name]
+    found = [row for name in more if (row := numbers.ablated("steps", CF, name, ONE_STEP))]
+    told = tuple(f"{row.setting} minus {ONE_STEP}: {said(row)}." for row in found)
+    one, two = (_printed("steps", CF, f"steps={n},sampler=ddpm") for n in (1, 2))
     weighed: list[tuple[str, str, Verdict]] = [
         (
             "one is best",
@@ -366,19 +330,17 @@ def _steps(numbers: Numbers, rows: Sequence[Row]) -> list[Finding]:
             weigh_some(found, below, above),
         ),
     ]
-    return [
-        *(Finding(f"Steps: {topic}", claim, told, verdict) for topic, claim, verdict in weighed),
-        _start(rows),
-    ]
+    return [Finding(f"Steps: {topic}", claim, told, verdict) for topic, claim, verdict in weighed]
 
 
-def _start(rows: Sequence[Row]) -> Finding:
+def _start(numbers: Numbers) -> Finding:
     """Weigh whether the answer depends on the random pose that the walk starts from."""
+    table = ABLATIONS["steps"].table
     spreads = [
-        spread(draws)
+        row
         for method in (CF, CB)
-        for setting in (ONE_STEP, "steps=16,sampler=ddpm")
-        if len(draws := _draws(rows, method, setting)) > 1
+        for setting in (ONE_STEP, SIXTEEN_STEPS)
+        if (row := numbers.at(table, UNSEEN_OBJECTS, method, setting, SPREAD))
     ]
     return Finding(
         topic="Steps: what the random start carries",
@@ -395,37 +357,21 @@ def _start(rows: Sequence[Row]) -> Finding:
         ),
         verdict=weigh(
             spreads,
-            lambda row: above(row, NO_DIFFERENCE_DEG),
-            lambda row: below(row, NO_DIFFERENCE_DEG),
+            partial(above, bound=NO_DIFFERENCE_DEG),
+            partial(below, bound=NO_DIFFERENCE_DEG),
         ),
     )
 
 
-def _draws(rows: Sequence[Row], method: str, setting: str) -> list[Row]:
-    return [
-        row
-        for row in rows
-        if (row.table, row.method, row.metric, row.subset) == ("7", method, "error_r_deg", "all")
-        and row.kind in ("line", "draw")
-        and row.setting.partition(",draw=")[0] == setting
-    ]
-
-
 def _fastest(numbers: Numbers, method: str) -> Finding:
-    others = [*RIVALS[method]]
-    timed = {name: _timed(numbers, name) for name in (method, *others)}
+    def seconds(name: str, setting: str, base: tuple[str, str] = ("", "")) -> Number | None:
+        return numbers.at(TIMING.table, UNSEEN_OBJECTS, name, setting, "seconds", base)
+
+    mine = seconds(method, "paper") or seconds(method, "official")
     contrasts = [
-        numbers.at(
-            TIMING.table,
-            UNSEEN_OBJECTS,
-            method,
-            f"paper minus {name}:{row.setting if row else 'paper'}",
-            "seconds",
-        )
-        for name, row in timed.items()
-        if name != method
+        seconds(method, "paper", (name, "paper")) or seconds(method, "paper", (name, "official"))
+        for name in RIVALS[method]
     ]
-    mine = timed[method]
     found = [row for row in contrasts if row]
     return Finding(
         topic=f"Speed: {FAMILY[method]}",
@@ -441,30 +387,20 @@ def _fastest(numbers: Numbers, method: str) -> Finding:
     )
 
 
-def _timed(numbers: Numbers, method: str) -> Row | None:
-    rows = [
-        numbers.at(TIMING.table, UNSEEN_OBJECTS, method, setting, "seconds")
-        for setting in ("paper", "official")
-    ]
-    return next((row for row in rows if row), None)
-
-
 def _noise(numbers: Numbers) -> Finding:
-    levels = sorted(numbers.settings("extra", UNSEEN_OBJECTS, CB, "noise="), key=natural)
     contrasts = {
         level: [
             row
             for other in (*RIVALS[CB], *RIVALS[CF])
-            if (row := numbers.at(*NOISY, f"{level} minus {other}:{level}"))
+            if (row := numbers.ablated("noise", CB, level, (other, level)))
         ]
-        for level in levels
+        for level in numbers.settings("noise", CB)
     }
     sentences = [
-        f"{level}: {say(mine)}; its error minus theirs: {listed(contrasts[level])}."
-        for level in levels
-        if (mine := numbers.at(*NOISY, level)) and contrasts[level]
+        f"{level}: {say(mine)}; its error minus theirs: {listed(rows)}."
+        for level, rows in contrasts.items()
+        if rows and (mine := numbers.ablated("noise", CB, level))
     ]
-    everything = [row for rows in contrasts.values() for row in rows]
     return Finding(
         topic="Noise",
         claim=(
@@ -472,5 +408,5 @@ def _noise(numbers: Numbers) -> Finding:
             " read: at every deviation tried, trained with 0.01, it errs least of those tried."
         ),
         ours=tuple(sentences),
-        verdict=weigh(everything, below, above),
+        verdict=weigh([row for rows in contrasts.values() for row in rows], below, above),
     )

@@ -1,4 +1,4 @@
-"""Made-up results, curves and pair files, in the form the stages before the report write."""
+"""Synthetic results, curves and pair files, in the form the stages before the report write."""
 
 import csv
 import json
@@ -10,14 +10,14 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from pcrdiff.registration import SPLITS, Pairs
-from pipeline.formats.answers import POSE
+from pipeline.formats.answers import ANSWER, POSE
 from pipeline.formats.files import write_csv
 from pipeline.formats.pairs import Streamed
 from pipeline.formats.pairs import write_pairs as write_pairs_file
 from pipeline.formats.walks import Walk
 from pipeline.formats.walks import write_walks as write_the_walks
 from pipeline.reporting.paper import UNSEEN_OBJECTS, VALUES
-from pipeline.reporting.result_files import COLUMNS, EULER, SHIFT
+from pipeline.reporting.reading import EULER, SHIFT
 
 ROTATION_ERROR_DEG = {
     "identity": 25.0,
@@ -28,7 +28,7 @@ ROTATION_ERROR_DEG = {
     "pcrdiffusion_cf": 4.0,
     "pcrdiffusion_cb": 1.0,
 }
-"""Standard deviation of the made-up error of each Euler angle."""
+"""Standard deviation of the synthetic error of each Euler angle."""
 SCENARIOS = (
     UNSEEN_OBJECTS,
     "modelnet40-unseen_categories",
@@ -180,8 +180,8 @@ def write_times(file: Path, method: str, pairs: int) -> None:
 
 
 def write_walks(file: Path, method: str, poses: np.ndarray, generator: np.random.Generator) -> None:
-    """Write a walk back in four steps for each of the first two pairs."""
-    times = (1000, 750, 500, 250)
+    """Write a walk back in eight steps for each of the first two pairs."""
+    times = tuple(range(1000, 0, -125))
     made = [
         Walk(
             method,
@@ -234,7 +234,7 @@ def score_rows(
             *map(float, estimate[:3].ravel()),
         ]
         texts = [pair, pair, GROUPS[pair % len(GROUPS)], setting, "", *map(repr, numbers)]
-        rows.append(dict(zip(COLUMNS, texts, strict=True)))
+        rows.append(dict(zip(ANSWER, texts, strict=True)))
     return rows
 
 
@@ -247,7 +247,7 @@ def plain_row(
     row |= {name: repr(float(name in ("T00", "T11", "T22"))) for name in POSE}
     row |= {"error_r_deg": repr(2 * off_deg), "error_t": repr(3 * shift)}
     row |= {"pair": pair, "item": pair, "group": group, "setting": "paper", "failure": ""}
-    return {name: row[name] for name in COLUMNS}
+    return {name: row[name] for name in ANSWER}
 
 
 def write_rows(file: Path, rows: list[dict[str, object]]) -> Path:

@@ -3,24 +3,23 @@
 from dataclasses import replace
 from pathlib import Path
 
-import plotly.graph_objects as go
+import pandas as pd
 import pytest
 
 from pipeline.formats.benchmarks import Benchmarks, write_benchmarks
-from pipeline.reporting.benchmark_figures import (
-    benchmark_figures,
-    ceiling_figure,
-    in_order,
-    latency_figure,
-    latency_name,
-    memory_figure,
+from pipeline.reporting.benchmark_charts import (
+    benchmark_charts,
+    ceilings_chart,
+    latency_chart,
+    latency_rows,
+    memory_chart,
 )
 from pipeline.reporting.page import Contents, render_page
 from pipeline.reporting.paper import METHODS
 from pipeline.reporting.report import make_report
-from tests.pipeline.reporting.made_up_benchmarks import HERE, make_benchmarks
-from tests.pipeline.reporting.made_up_page import make_contents
-from tests.pipeline.reporting.made_up_results import write_everything
+from tests.pipeline.reporting.synthetic_benchmarks import HERE, make_benchmarks
+from tests.pipeline.reporting.synthetic_page import make_contents
+from tests.pipeline.reporting.synthetic_results import write_everything
 
 FOUND = make_benchmarks()
 
@@ -36,46 +35,51 @@ def section(page: str) -> str:
     return page[start : page.index("</section>", start)]
 
 
-@pytest.mark.parametrize("name", sorted(benchmark_figures(FOUND)))
-def test_plotly_draws_them(name: str) -> None:
-    go.Figure(benchmark_figures(FOUND)[name])
-
-
 def test_every_method_stands_at_its_latency_and_error() -> None:
-    figure = latency_figure(FOUND.latencies)
-    assert figure["layout"]["xaxis"]["type"] == "log"
-    drawn = {trace["customdata"][0]: (trace["x"][0], trace["y"][0]) for trace in figure["data"]}
+    figure = latency_chart(latency_rows(FOUND))
+    assert figure.layout.xaxis.type == "log"
+    drawn = {trace.meta: (trace.x[0], trace.y[0]) for trace in figure.data}
     assert drawn.keys() == METHODS.keys()
     assert drawn["icp"] == (2.0 * 1.5**3, 2.5)
 
 
 def test_a_part_of_the_points_is_named_and_hollow() -> None:
-    (part,) = [each for each in FOUND.latencies if each.points == 512]
-    assert latency_name(part, 2048) == "PCRDiffusion CF, first 512 points"
-    (trace,) = [t for t in latency_figure(FOUND.latencies)["data"] if "first" in t["name"]]
-    assert trace["marker"]["symbol"].endswith("-open")
-    assert [row.points for row in in_order(FOUND.latencies) if row.method == part.method] == [
-        2048,
-        512,
-    ]
+    rows = latency_rows(FOUND)
+    part = rows[rows["method"] == "pcrdiffusion_cf"]
+    assert part["points"].tolist() == [2048, 512]
+    assert part["name"].tolist() == ["PCRDiffusion CF", "PCRDiffusion CF, first 512 points"]
+    (trace,) = [t for t in latency_chart(rows).data if "first" in t.name]
+    assert trace.marker.symbol.endswith("-open")
+    assert [*dict.fromkeys(rows["method"])] == [*METHODS]
+
+
+def test_another_setting_is_named() -> None:
+    official = replace(FOUND.latencies[0], setting="official")
+    rows = latency_rows(replace(FOUND, latencies=[official, FOUND.latencies[0]]))
+    assert rows["name"].tolist() == ["Identity (official)", "Identity"]
 
 
 def test_an_error_of_nothing_is_still_drawn() -> None:
     exact = replace(FOUND.latencies[0], error_r_deg=0.0)
-    assert latency_figure([exact])["data"][0]["y"] == [1e-3]
+    rows = latency_rows(replace(FOUND, latencies=[exact]))
+    assert latency_chart(rows).data[0].y.tolist() == [1e-3]
 
 
 def test_memory_is_drawn_over_points_in_ascending_order() -> None:
-    (trace,) = memory_figure(FOUND.memory[::-1])["data"]
-    assert trace["x"] == [512, 2048, 16384]
-    assert trace["y"] == [332.0, 428.0, 1324.0]
+    (trace,) = memory_chart(pd.DataFrame(FOUND.memory[::-1])).data
+    assert trace.x.tolist() == [512, 2048, 16384]
+    assert trace.y.tolist() == [332.0, 428.0, 1324.0]
+    assert trace.mode == "lines+markers"
 
 
 def test_only_loops_have_a_distance_to_the_ceiling() -> None:
-    arithmetic, traffic = ceiling_figure(FOUND.ceilings)["data"]
-    assert arithmetic["y"] == ["PointNet, inference", "Sinkhorn"]
-    assert arithmetic["x"] == [60.0, 5.0]
-    assert traffic["x"] == [10.0, 75.0]
+    arithmetic, traffic = benchmark_charts(FOUND)["plot-bench-ceilings"].data
+    assert arithmetic.y.tolist() == ["PointNet, inference", "Sinkhorn"]
+    assert arithmetic.x.tolist() == [60.0, 5.0]
+    assert traffic.x.tolist() == [10.0, 75.0]
+    loops = pd.DataFrame([row for row in FOUND.ceilings if row.kind == "loop"])
+    order = ceilings_chart(loops).layout.yaxis.categoryarray
+    assert order == ("Sinkhorn", "PointNet, inference")  # from the axis upwards
 
 
 def test_nothing_measured_is_said_and_breaks_nothing(contents: Contents) -> None:

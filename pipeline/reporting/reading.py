@@ -1,0 +1,288 @@
+"""Read what a report is made from: answers, times, trainings, pair files, walks. Checked first."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pcrdiff.registration import Pairs
+from pipeline.formats.answers import ANSWER
+from pipeline.formats.files import read_csv
+from pipeline.formats.pairs import read_attributes, read_pairs
+from pipeline.formats.walks import Walk, read_walks
+from pipeline.formats.weights import CURVE, FACTS
+from pipeline.reporting.paper import ABLATIONS as ABLATED
+from pipeline.reporting.paper import TIMING, UNSEEN_OBJECTS, place
+
+EULER = ["rx_deg", "ry_deg", "rz_deg"]
+SHIFT = ["tx", "ty", "tz"]
+NUMBERS = ANSWER[5:]
+"""The columns of an answer that hold numbers: errors, differences by axis, the pose."""
+ABLATIONS, TIMES, WALKS, NOISE = "ablations", "times", "walks", "noise"
+"""Folders beside those of the methods; the ablation ``noise`` has a file for each method."""
+TIMED = ["seconds", "peak_memory_mib"]
+SET = ["table", "ablation", "scenario", "method", "setting", "draw"]
+"""What the answers of one set have in common; a further draw of the noise is a set of its own."""
+
+
+def read_answers(folder: Path) -> pd.DataFrame:
+    """Read every ``<method>/<scenario>.csv``, ``ablations/<name>.csv`` and ``ablations/noise/*.csv``.
+
+    Returns:
+        A row for each answer to a pair, in the order of the sets and of the pairs. Besides the
+        columns of the files: ``table`` (the paper's, or ``extra``), ``ablation`` (empty for a main
+        table), ``scenario``, ``method``, ``draw`` (0 for the first), ``failed``, and ``headline``,
+        which marks one set of each method on each scenario: the paper's setting, else the first.
+
+    Raises:
+        FileNotFoundError: There is none.
+        ValueError: One is cut short or ill-formed, or its pairs are not those of its neighbours.
+    """
+    main = [file for file in folder.glob("*/*.csv") if file.parent.name != TIMES]
+    files = sorted([*main, *folder.glob(f"{ABLATIONS}/{NOISE}/*.csv")])
+    if not files:
+        raise FileNotFoundError(f"{folder} needs a <method>/<scenario>.csv, found none")
+    answers = pd.concat([_read_texts(file) for file in files], ignore_index=True)
+    drawn = answers["setting"].str.partition(",draw=")
+    answers = answers.assign(
+        setting=drawn[0],
+        draw=drawn[2].where(drawn[2] != "", "0").astype(int),
+        failed=answers["failure"] != "",
+        **_numbers(answers, ["pair", *NUMBERS]),
+    )
+    _check_one_row_per_pair(answers)
+    _check_same_pairs(answers)
+    return _in_order(answers)
+
+
+def _read_texts(file: Path) -> pd.DataFrame:
+    """Read one file, every field a text, and say whose its rows are."""
+    header, rows = read_csv(file)
+    ablation = _ablation_of(file)
+    _check_columns(file, header, ["method", *ANSWER] if ablation else ANSWER)
+    answers = pd.DataFrame(rows, columns=header).assign(file=str(file), ablation=ablation)
+    if ablation:
+        if "scenario" not in header:
+            answers["scenario"] = UNSEEN_OBJECTS
+        table = ABLATED[ablation].table if ablation in ABLATED else "extra"
+        return answers.assign(table=table)
+    scenario = file.stem
+    return answers.assign(method=file.parent.name, scenario=scenario, table=place(scenario).table)
+
+
+def read_times(folder: Path) -> pd.DataFrame:
+    """Read every ``times/<method>.csv``; none is fine.
+
+    Returns:
+        The columns of :func:`read_answers` that say whose an answer is, ``failed`` (False: a pair
+        that failed took its time too) and ``TIMED``: seconds, and MiB of memory above those of the
+        loaded process.
+
+    Raises:
+        ValueError: One is cut short, has other columns, has a pair twice, or no time above zero.
+    """
+    empty = pd.DataFrame(columns=["pair", "setting", *TIMED, "method", "file"])
+    texts = [_read_timed_texts(file) for file in sorted(folder.glob(f"{TIMES}/*.csv"))]
+    times = pd.concat([empty, *texts], ignore_index=True)
+    times = times.assign(
+        table=TIMING.table, ablation="", scenario=UNSEEN_OBJECTS, draw=0, failed=False,
+        **_numbers(times, ["pair", *TIMED]),
+    )  # fmt: skip
+    wrong = times.loc[(times["seconds"] <= 0) | (times["peak_memory_mib"] < 0), "file"]
+    if len(wrong):
+        raise ValueError(f"{wrong.iloc[0]} needs times above zero and memory not below, has others")
+    _check_one_row_per_pair(times)
+    return _in_order(times)
+
+
+def _read_timed_texts(file: Path) -> pd.DataFrame:
+    header, rows = read_csv(file)
+    if header != ["pair", "setting", *TIMED]:
+        raise ValueError(
+            f"{file} needs the columns pair, setting, {', '.join(TIMED)}, has {header}"
+        )
+    return pd.DataFrame(rows, columns=header).assign(method=file.stem, file=str(file))
+
+
+def _in_order(rows: pd.DataFrame) -> pd.DataFrame:
+    rows = rows.drop(columns="file").sort_values([*SET, "pair"], ignore_index=True)
+    return rows.assign(headline=_is_headline(rows))
+
+
+def _numbers(rows: pd.DataFrame, columns: list[str]) -> dict[str, np.ndarray]:
+    """Turn columns of texts into numbers, and refuse what is none."""
+    numbers = {}
+    for name in columns:
+        values = np.array([_number(text) for text in rows[name]], dtype=float)
+        wrong = rows[~np.isfinite(values)]
+        if len(wrong):
+            file, text = wrong.iloc[0][["file", name]]
+            raise ValueError(f"{file} needs a finite number in column {name}, got {text!r}")
+        numbers[name] = values.astype(int) if name == "pair" else values
+    return numbers
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
+
+
+def _check_one_row_per_pair(rows: pd.DataFrame) -> None:
+    twice = rows[rows.duplicated([*SET, "pair"])]
+    if len(twice):
+        file, pair, setting = twice.iloc[0][["file", "pair", "setting"]]
+        raise ValueError(f"{file} needs one row per pair, has pair {pair} twice in {setting}")
+
+
+def _ablation_of(file: Path) -> str:
+    if file.parent.name == NOISE:
+        return NOISE
+    return file.stem if file.parent.name == ABLATIONS else ""
+
+
+def _check_columns(file: Path, header: list[str], needed: list[str]) -> None:
+    known = {*needed, *(["scenario"] if "method" in needed else [])}
+    missing, unknown = sorted({*needed} - {*header}), sorted({*header} - known)
+    if missing:
+        raise ValueError(f"{file} needs the columns {', '.join(missing)}, it lacks them")
+    if unknown:
+        raise ValueError(f"{file} has columns nobody here reads: {', '.join(unknown)}")
+
+
+def _check_same_pairs(answers: pd.DataFrame) -> None:
+    wanted = answers.groupby(["ablation", "scenario"])["pair"].nunique()
+    for keys, count in answers.groupby(["file", *SET])["pair"].nunique().items():
+        file, _, ablation, scenario, method, setting, _ = keys
+        if count != wanted[ablation, scenario]:
+            raise ValueError(
+                f"{file} needs all {wanted[ablation, scenario]} pairs its scenario was tried on,"
+                f" has {count} under {method}, {setting}"
+            )
+
+
+def _is_headline(answers: pd.DataFrame) -> pd.Series:
+    main = answers[answers["ablation"] == ""]
+    ranked = main["setting"].where(main["setting"] != "paper", "")  # before all others
+    chosen = ranked.groupby([main["scenario"], main["method"]]).transform("min")
+    return (ranked == chosen).reindex(answers.index, fill_value=False)
+
+
+def read_all_walks(results: Path) -> dict[str, list[Walk]]:
+    """Read every ``walks/<scenario>/<method>.csv``, by scenario; none is fine.
+
+    Raises:
+        ValueError: One is cut short or ill-formed.
+    """
+    walks: dict[str, list[Walk]] = {}
+    for file in sorted(results.glob(f"{WALKS}/*/*.csv")):
+        walks.setdefault(file.parent.name, []).extend(read_walks(file))
+    return walks
+
+
+@dataclass(frozen=True)
+class Training:
+    """What one training cost and how it went."""
+
+    scenario: str
+    method: str
+    budget: dict[str, Any]
+    """``epochs``, ``steps``, ``batch_size``, ``train_pairs``, ``parameters``, ``best_epoch``."""
+    curve: pd.DataFrame
+    """A row per epoch; NaN where nothing was measured, no rows where there is no ``curve.csv``."""
+    settings: tuple[str, ...] = ()
+    """Of an ablation's training, under which settings tables show it; empty for a main one."""
+
+    @property
+    def setting(self) -> str:
+        """What an ablation's training is, as in ``fusion=target``; empty for a main one."""
+        return self.settings[0] if self.settings else ""
+
+
+def read_trainings(folder: Path) -> list[Training]:
+    """Read every ``facts.json`` under ``folder`` and the ``curve.csv`` beside it, if there is one.
+
+    Those of ablations come last.
+
+    Raises:
+        ValueError: A file is cut short or not what it should be.
+    """
+    found = [_read_training(folder, file) for file in sorted(folder.glob(f"**/{FACTS}"))]
+    return sorted(found, key=lambda one: one.setting != "")
+
+
+def _read_training(folder: Path, file: Path) -> Training:
+    budget, ablated = _read_object(file), file.is_relative_to(folder / ABLATIONS)
+    scenario, method, settings = (budget.get(key) for key in ("scenario", "method", "settings"))
+    if not isinstance(scenario, str) or not isinstance(method, str):
+        raise ValueError(f"{file} needs the names of scenario, method, has {[scenario, method]}")
+    if ablated != bool(settings) or not all(isinstance(one, str) for one in settings or []):
+        raise ValueError(
+            f"{file} needs the names of its settings if of an ablation, has {settings}"
+        )
+    curve = _read_curve(file.with_name(CURVE))
+    return Training(scenario, method, budget, curve, tuple(settings or ()))
+
+
+def _read_object(file: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{file} needs a whole JSON object, got {error}") from None
+    if not isinstance(found, dict):
+        raise ValueError(f"{file} needs a JSON object, got a {type(found).__name__}")
+    return found
+
+
+def _read_curve(file: Path) -> pd.DataFrame:
+    if not file.exists():
+        return pd.DataFrame(columns=["epoch", "step", "loss"])
+    header, rows = read_csv(file)
+    missing = sorted({"epoch", "step", "loss"} - {*header})
+    if missing:
+        raise ValueError(f"{file} needs the columns {', '.join(missing)}, it lacks them")
+    numbers = pd.DataFrame(rows, columns=header).apply(pd.to_numeric, errors="coerce")
+    return numbers.replace([np.inf, -np.inf], np.nan)
+
+
+@dataclass(frozen=True)
+class PairFile:
+    """What a report needs of a pair file, read once."""
+
+    scenario: str
+    source: str
+    """Where the raw data came from: ``synthetic``, ``local``, ``download`` or ``unknown``."""
+    unit: str
+    """Of length."""
+    seed: int
+    schema: int
+    provenance: dict[str, Any]
+    test: Pairs
+
+
+def read_pair_files(folder: Path, scenarios: Iterable[str]) -> dict[str, PairFile]:
+    """Read what each ``<scenario>.h5`` says about itself, and its test pairs.
+
+    Raises:
+        FileNotFoundError: A scenario has no pair file.
+        ValueError: A file is not a pair file.
+    """
+    return {name: _read_pair_file(folder / f"{name}.h5", name) for name in sorted({*scenarios})}
+
+
+def _read_pair_file(path: Path, scenario: str) -> PairFile:
+    attributes = read_attributes(path)
+    return PairFile(
+        scenario=scenario,
+        source=str(attributes["provenance"].get("source", "unknown")),
+        unit=str(attributes["unit"]),
+        seed=int(attributes["seed"]),
+        schema=int(attributes["schema"]),
+        provenance=attributes["provenance"],
+        test=read_pairs(path, "test"),
+    )
