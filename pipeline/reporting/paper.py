@@ -8,10 +8,11 @@ from typing import Literal
 
 import pandas as pd
 
+from pipeline.settings.methods import CATALOGUE, Row
+
 ACCURACY = ("rmse_r_deg", "rmse_t", "mae_r_deg", "mae_t", "error_r_deg", "error_t")
 MAE_AND_ERROR = ACCURACY[2:]
 UNSEEN_OBJECTS = "modelnet40-unseen_objects"
-FLOORS = ("identity", "constant", "icp_centroid")
 
 
 @dataclass(frozen=True)
@@ -22,28 +23,13 @@ class Shown:
     kind: Literal["floor", "classical", "learned"]
 
 
-METHODS = {  # the order of the rows; a method that is not here follows under its own name
-    "identity": Shown("Identity", "floor"),
-    "constant": Shown("Constant (mean pose)", "floor"),
-    "icp_centroid": Shown("ICP from the centroids", "floor"),
-    "icp": Shown("ICP", "classical"),
-    "trimmed_icp": Shown("Trimmed ICP", "classical"),
-    "gicp": Shown("Generalized ICP", "classical"),
-    "fgr": Shown("FGR", "classical"),
-    "ransac_fpfh": Shown("RANSAC on FPFH", "classical"),
-    "small_gicp": Shown("small_gicp", "classical"),
-    "kiss_matcher": Shown("KISS-Matcher", "classical"),
-    "pointnetlk": Shown("PointNetLK", "learned"),
-    "pcrnet": Shown("PCRNet", "learned"),
-    "deepgmr": Shown("DeepGMR", "learned"),
-    "dcp_v1": Shown("DCP v1", "learned"),
-    "dcp_v2": Shown("DCP v2", "learned"),
-    "fmr": Shown("FMR", "learned"),
-    "rpmnet": Shown("RPMNet", "learned"),
-    "egst": Shown("EGST", "learned"),
-    "pcrdiffusion_cf": Shown("PCRDiffusion CF", "learned"),
-    "pcrdiffusion_cb": Shown("PCRDiffusion CB", "learned"),
-}
+def _shown(row: Row) -> Shown:
+    return Shown(row.shown, row.kind if row.kind in ("floor", "classical") else "learned")
+
+
+METHODS = {name: _shown(row) for name, row in CATALOGUE.items()}
+"""The methods in the order of their rows; one that is not here follows under its own name."""
+FLOORS = tuple(name for name, row in CATALOGUE.items() if row.kind == "floor")
 
 
 @dataclass(frozen=True)
