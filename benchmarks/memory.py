@@ -12,9 +12,9 @@ from torch import Tensor
 
 from pcrdiff.geometry.random_pose import draw_pose
 from pcrdiff.geometry.rigid import transform
-from pipeline.catalogue import build_learned, settings_of
 from pipeline.compute.machine import resident, settle
 from pipeline.formats.benchmarks import PeakMemory
+from pipeline.loading import build_learned, settings_of
 from pipeline.settings.params import read_params
 
 POINTS = (512, 1024, 2048, 4096, 8192, 16384)

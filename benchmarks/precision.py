@@ -20,11 +20,11 @@ from pcrdiff.registration import Pairs
 from pcrdiff.training.budget import Budget
 from pcrdiff.training.loop import Trainer, train
 from pcrdiff.training.poses import FreshPoses
-from pipeline.catalogue import build_untrained
 from pipeline.compute.machine import settle
 from pipeline.compute.progress import bar
 from pipeline.formats.files import write_csv
 from pipeline.formats.pairs import read_pairs
+from pipeline.loading import build_untrained
 from pipeline.settings.params import Params, read_params
 
 SEARCHES: tuple[SearchPrecision, ...] = ("float32", "bfloat16")

@@ -13,9 +13,9 @@ from benchmarks.inputs import make_pairs, trained_methods, weights_of
 from benchmarks.measuring import Comparison, summarise, time_of
 from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.registration import LearnedMethod, Method, Pairs
-from pipeline.catalogue import build_classical, load_learned, settings_of
 from pipeline.compute.progress import bar
 from pipeline.formats.benchmarks import Latency
+from pipeline.loading import build_classical, load_learned, settings_of
 from pipeline.settings.params import Params
 
 CF, CB, RPMNET, ICP = "pcrdiffusion_cf", "pcrdiffusion_cb", "rpmnet", "icp_centroid"

@@ -15,7 +15,7 @@ from benchmarks.plain import Losses, PlainCB, PlainCF
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.registration import Pairs
-from pipeline.catalogue import build_untrained
+from pipeline.loading import build_untrained
 from pipeline.settings.params import Params
 from stages.train import VALIDATION_WALK
 

@@ -20,13 +20,13 @@ from pcrdiff.geometry.precision import search_precision
 from pcrdiff.models.diffused import DiffusedMethod
 from pcrdiff.registration import Method, Pairs, Poses, Sources, Targets
 from pipeline.answering import answer, answer_all
-from pipeline.catalogue import load_diffused, load_learned
 from pipeline.compute.machine import settle
 from pipeline.formats.answers import write_ablation
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.walks import Walk as RecordedWalk
 from pipeline.formats.walks import write_walks
 from pipeline.formats.weights import WEIGHTS
+from pipeline.loading import load_diffused, load_learned
 from pipeline.settings.params import Diffusion, Params, pick, read_params
 from pipeline.settings.seeding import stream
 from pipeline.settings.variants import TRAINED, folder_of, setting_of, variants

@@ -15,11 +15,11 @@ from pcrdiff.geometry.precision import search_precision
 from pcrdiff.pairs.corruption import jitter
 from pcrdiff.registration import Pairs
 from pipeline.answering import answer
-from pipeline.catalogue import load_settings
 from pipeline.compute.machine import settle
 from pipeline.formats.answers import write_ablation
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.weights import WEIGHTS
+from pipeline.loading import load_settings
 from pipeline.settings.params import learned_names, read_params
 from pipeline.settings.seeding import stream
 from pipeline.tracking.journal import journal

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from pcrdiff.geometry.precision import search_precision
 from pipeline.answering import answer_settings, headline, mean_error_r_deg
-from pipeline.catalogue import load_settings
 from pipeline.compute.machine import settle
 from pipeline.formats.answers import write_estimates
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.weights import WEIGHTS
+from pipeline.loading import load_settings
 from pipeline.settings.params import SHOWN, Params, pick, read_params, shown_scenario
 from pipeline.tracking.journal import journal
 

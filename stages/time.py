@@ -15,11 +15,11 @@ from torch import Tensor
 
 from pcrdiff.geometry.precision import search_precision
 from pcrdiff.registration import Method, Pairs
-from pipeline.catalogue import load_settings
 from pipeline.compute.machine import end_with_parent, forget_peak, resident, settle
 from pipeline.formats.files import write_csv
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.weights import WEIGHTS
+from pipeline.loading import load_settings
 from pipeline.settings.params import SHOWN, Params, read_params
 from pipeline.tracking.journal import journal
 

@@ -22,7 +22,6 @@ from pcrdiff.training.loop import Trainer, train
 from pcrdiff.training.poses import FreshPoses
 from pcrdiff.training.ranks import ALONE, Processes
 from pcrdiff.training.state import Checkpoint
-from pipeline.catalogue import build_untrained
 from pipeline.compute.checkpoints import NoCheckpoint, open_checkpoint
 from pipeline.compute.machine import settle
 from pipeline.compute.progress import bar
@@ -30,6 +29,7 @@ from pipeline.compute.ranks import check_agreement, join
 from pipeline.formats.files import write_json
 from pipeline.formats.pairs import read_attributes, read_pairs
 from pipeline.formats.weights import CURVE, FACTS, WEIGHTS, write_curve, write_weights
+from pipeline.loading import build_untrained
 from pipeline.settings.params import DIFFUSED, Params, pick, read_params
 from pipeline.settings.seeding import stream
 from pipeline.settings.variants import (
@@ -76,7 +76,7 @@ def main(argv: list[str] | None = None) -> None:
 
 CODE = (
     Path("pcrdiff"),
-    Path("pipeline/catalogue.py"),
+    Path("pipeline/loading.py"),
     Path("pipeline/compute/ranks.py"),
     Path("stages/train.py"),
 )

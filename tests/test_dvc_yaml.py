@@ -40,14 +40,14 @@ GLUE = {
     "pipeline.formats.pairs": "writes and reads files; its tests hold their bytes",
     "pipeline.formats.weights": "writes and reads files; its tests hold their bytes",
     "pipeline.answering": "hands pairs and seeds to pcrdiff.evaluation; its tests hold the seeds",
-    "pipeline.catalogue": "hands params to methods; a new method must not retrain the old ones",
+    "pipeline.loading": "hands params to methods; a new method must not retrain the old ones",
     "pipeline.compute.checkpoints": "keeps what a training gives it, and gives it back",
     "pipeline.tracking.run": "finds the project and names the run",
     "pipeline.compute.machine": "sets threads and precision as params say",
     "pipeline.tracking.mlflow_runs": "says what a run in MLflow holds",
     "pipeline.tracking.mlflow_store": "says where MLflow keeps its runs",
     "pipeline.tracking.mlflow_sync": "copies journals into MLflow after the report is written",
-    "pipeline.settings.methods": "the part of pipeline.settings.params that is about methods",
+    "pipeline.settings.catalogue": "the part of pipeline.settings.params that is about methods",
     "pipeline.settings.sections": "what pipeline.settings.params is made of",
     "pipeline.settings.params": "hands over params.yaml, whose keys DVC watches by themselves",
     "pipeline.compute.ranks": "lets several processes train as one; tests hold that they learn the same",
@@ -67,7 +67,7 @@ GLUE = {
 WIRING = {
     "pcrdiff.diffusion.sampling": "`Walk` carries params into the learned methods, which import it",
 }
-"""What ``pipeline.catalogue`` imports for some methods only."""
+"""What ``pipeline.loading`` imports for some methods only."""
 PLACE = {
     "compute": "where work is done: tests hold that the results are the same bytes",
 }
@@ -107,11 +107,11 @@ def imported_modules(instance: Instance) -> set[str]:
     """What an instance imports of this project, with the methods that the catalogue builds for it."""
     graph = copy.deepcopy(IMPORTS)
     for module in WIRING:
-        graph.remove_import(importer="pipeline.catalogue", imported=module)
-    if "pipeline.catalogue" in graph.find_upstream_modules(instance.module):
+        graph.remove_import(importer="pipeline.loading", imported=module)
+    if "pipeline.loading" in graph.find_upstream_modules(instance.module):
         for method in methods_of(instance):
             imported = f"pcrdiff.methods.{method}"
-            graph.add_import(importer="pipeline.catalogue", imported=imported)
+            graph.add_import(importer="pipeline.loading", imported=imported)
     return set(graph.find_upstream_modules(instance.module)) | {instance.module}
 
 
@@ -158,7 +158,7 @@ def test_every_dep_that_is_code_exists(name: str) -> None:
 def test_every_excuse_is_needed() -> None:
     reached = set().union(*map(imported_modules, INSTANCES))
     assert GLUE.keys() <= reached
-    wired = IMPORTS.find_modules_directly_imported_by("pipeline.catalogue")
+    wired = IMPORTS.find_modules_directly_imported_by("pipeline.loading")
     assert WIRING.keys() <= wired
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 import pandas as pd
 
-from pipeline.settings.methods import CATALOGUE, Row
+from pipeline.settings.catalogue import CATALOGUE, Row
 
 ACCURACY = ("rmse_r_deg", "rmse_t", "mae_r_deg", "mae_t", "error_r_deg", "error_t")
 MAE_AND_ERROR = ACCURACY[2:]

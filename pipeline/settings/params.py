@@ -9,7 +9,7 @@ from typing import Annotated, Literal, TypeVar
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from pipeline.formats.yaml_files import read_yaml
-from pipeline.settings.methods import CATALOGUE, Methods, names_of
+from pipeline.settings.catalogue import CATALOGUE, Methods, names_of
 from pipeline.settings.sections import (
     Count,
     Distinct,

@@ -8,10 +8,10 @@ from benchmarks import inputs, running
 from benchmarks.effort import DRY, FULL, Effort
 from benchmarks.measuring import Comparison, compare
 from benchmarks.running import FIRST, main, measure
-from pipeline.catalogue import build_untrained
 from pipeline.formats.benchmarks import Benchmarks, PeakMemory, read_benchmarks, write_benchmarks
 from pipeline.formats.files import read_csv
 from pipeline.formats.weights import write_weights
+from pipeline.loading import build_untrained
 from pipeline.settings.params import Params, read_params
 from tests.described import REPOSITORY, expand, read_repository_params
 from tests.tiny import CB, CF, SCENARIO, instance, run_instance

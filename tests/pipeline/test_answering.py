@@ -10,7 +10,7 @@ from torch import Tensor
 
 from pcrdiff.evaluation import Estimates
 from pcrdiff.registration import Method, Pairs
-from pipeline import catalogue
+from pipeline import loading
 from pipeline.answering import (
     answer,
     answer_all,
@@ -18,9 +18,9 @@ from pipeline.answering import (
     headline,
     mean_error_r_deg,
 )
-from pipeline.catalogue import load_learned, load_settings
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.weights import write_weights
+from pipeline.loading import load_learned, load_settings
 from pipeline.settings.params import Params, read_params
 from pipeline.settings.seeding import stream
 from tests.pipeline.formats.test_formats import made_up_pairs
@@ -147,7 +147,7 @@ def test_a_constant_is_taken_from_the_training_pairs_and_not_from_the_test_pairs
         asked.append(split)
         return read_pairs(path, split)
 
-    monkeypatch.setattr(catalogue, "read_pairs", read)
+    monkeypatch.setattr(loading, "read_pairs", read)
     for name in ("identity", "icp"):
         load_settings(read_params(), name, project / PAIRS, None)
     assert asked == []

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from pipeline.answering import answer_settings
-from pipeline.catalogue import load_settings
 from pipeline.formats.pairs import read_pairs
+from pipeline.loading import load_settings
 from pipeline.settings.params import read_params
 from stages.ablate import ABLATIONS, Given, ablate_steps
 from stages.ablate_noise import add_noise

@@ -56,8 +56,8 @@ def test_a_file_with_other_columns_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_method_that_does_not_walk_is_refused(project: Path) -> None:
-    from pipeline.catalogue import build_learned
     from pipeline.formats.weights import write_weights
+    from pipeline.loading import build_learned
 
     params = read_params()
     other = build_learned("dcp_v1", "paper", params.methods, params.diffusion)

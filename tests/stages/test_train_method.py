@@ -60,7 +60,7 @@ def test_the_facts_tell_how_much_training_it_was(method: str) -> None:
 
 
 def is_buffer(name: str, method: str) -> bool:
-    from pipeline.catalogue import build_untrained
+    from pipeline.loading import build_untrained
 
     params = read_params()
     buffers = build_untrained(method, params.methods, params.diffusion).named_buffers()

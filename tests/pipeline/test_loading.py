@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from pcrdiff.registration import LearnedMethod, Method
-from pipeline.catalogue import build_classical, build_learned, method_class, settings_of
-from pipeline.settings.methods import CATALOGUE, Row, names_of
+from pipeline.loading import build_classical, build_learned, method_class, settings_of
+from pipeline.settings.catalogue import CATALOGUE, Row, names_of
 from pipeline.settings.params import DIFFUSED, Params, learned_names
 from pipeline.settings.profiles import read_profile
 from tests.described import REPOSITORY

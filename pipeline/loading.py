@@ -1,4 +1,4 @@
-"""From params and weights to the methods of ``pipeline.settings.methods.CATALOGUE``.
+"""From params and weights to the methods of ``pipeline.settings.catalogue.CATALOGUE``.
 
 A method's module is imported when it is built: Open3D takes a second that training can spare.
 """
@@ -12,7 +12,7 @@ from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.weights import read_weights
-from pipeline.settings.methods import AnyLearned, Methods
+from pipeline.settings.catalogue import AnyLearned, Methods
 from pipeline.settings.params import DIFFUSED, Diffusion, Params, classical_names, learned_names
 from pipeline.settings.sections import Section, SettingName
 from pipeline.settings.variants import AS_IT_IS, Variant
