@@ -10,7 +10,7 @@ from typing import Any, Literal
 from pcrdiff.datasets.listing import entries, walk_files
 from pcrdiff.loops import Progress, silent
 
-Source = Literal["synthetic", "local", "download"]
+Origin = Literal["synthetic", "local", "download"]
 
 
 MANIFEST = "manifest.json"
@@ -20,7 +20,7 @@ SCHEMA = 1
 
 
 def write_manifest(
-    root: Path, out: Path, *, source: Source, base: Path = Path(), progress: Progress = silent
+    root: Path, out: Path, *, source: Origin, base: Path = Path(), progress: Progress = silent
 ) -> None:
     """Write ``out/manifest.json``: each file below ``root`` with its size and sha256.
 
@@ -122,7 +122,7 @@ class Manifest:
 
     root: Path
     """Its folder: the one with the manifest, or the local root."""
-    source: Source
+    source: Origin
     files: Sequence[Mapping[str, Any]]
     """``path`` below the root, ``size`` and ``sha256`` of each."""
 

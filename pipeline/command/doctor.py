@@ -26,31 +26,31 @@ PROBE = 'env "PATH=$DVC_ROOT/.venv/bin:$PATH" printenv PATH'
 
 
 @dataclass(frozen=True)
-class Finding:
+class Diagnosis:
     """One sentence about one thing; an error stops the pipeline, a warning may mislead."""
 
     level: Level
     sentence: str
 
 
-Check = Callable[[Path], Iterator[Finding]]
+Check = Callable[[Path], Iterator[Diagnosis]]
 
 
-def examine(root: Path) -> Iterator[Finding]:
+def examine(root: Path) -> Iterator[Diagnosis]:
     """Run every check; one that breaks is a finding too, and the others still run."""
     for check in CHECKS:
         try:
             yield from check(root)
         except Exception as error:  # noqa: BLE001  a doctor reports, whatever the illness
             what = check.__name__.removeprefix("check_").replace("_", " ")
-            yield Finding("error", f"{what}: {' '.join(str(error).split())}")
+            yield Diagnosis("error", f"{what}: {' '.join(str(error).split())}")
 
 
-def check_packages(_root: Path) -> Iterator[Finding]:
+def check_packages(_root: Path) -> Iterator[Diagnosis]:
     """Python, and the packages this one requires, at versions it allows."""
     from packaging.requirements import Requirement
 
-    yield Finding("ok", f"Python {sys.version.split()[0]}")
+    yield Diagnosis("ok", f"Python {sys.version.split()[0]}")
     missing = 0
     for text in metadata.requires("pcrdiff") or []:
         need = Requirement(text)
@@ -59,12 +59,12 @@ def check_packages(_root: Path) -> Iterator[Finding]:
         have = _version(need.name)
         if not need.specifier.contains(have or "0", prereleases=True) or not have:
             missing += 1
-            yield Finding("error", f"{need.name} is {have or 'missing'}, needed is {need}")
+            yield Diagnosis("error", f"{need.name} is {have or 'missing'}, needed is {need}")
     if not missing:
-        yield Finding("ok", "all required packages are there")
+        yield Diagnosis("ok", "all required packages are there")
 
 
-def check_lock(root: Path) -> Iterator[Finding]:
+def check_lock(root: Path) -> Iterator[Diagnosis]:
     """The installed versions against each ``requirements/*.txt`` that pins them."""
     for path in sorted((root / "requirements").glob("*.txt")):
         pinned = list(_pinned(path))
@@ -77,47 +77,47 @@ def check_lock(root: Path) -> Iterator[Finding]:
         if other:
             named = f"{', '.join(other[:5])}{', ...' if len(other) > 5 else ''}"
             sentence = f"{len(other)} of {len(pinned)} packages are not as in {path.name}: {named}"
-            yield Finding("warning", sentence)
+            yield Diagnosis("warning", sentence)
         else:
-            yield Finding("ok", f"the packages are as in {path.name}")
+            yield Diagnosis("ok", f"the packages are as in {path.name}")
 
 
-def check_open3d(_root: Path) -> Iterator[Finding]:
+def check_open3d(_root: Path) -> Iterator[Diagnosis]:
     """Open3D can be imported: it needs libusb and a glibc of 2.35."""
     try:
         from pcrdiff.bindings.open3d import open3d
     except (ImportError, OSError) as error:
-        yield Finding("error", f"open3d cannot be imported: {error}")
+        yield Diagnosis("error", f"open3d cannot be imported: {error}")
         return
-    yield Finding("ok", f"open3d {open3d.__version__}")
+    yield Diagnosis("ok", f"open3d {open3d.__version__}")
 
 
-def check_params_file(root: Path) -> Iterator[Finding]:
+def check_params_file(root: Path) -> Iterator[Diagnosis]:
     """params.yaml is what the stages will accept."""
     from pipeline.settings.params import read_params
 
     read_params(root / "params.yaml")
-    yield Finding("ok", "params.yaml is valid")
+    yield Diagnosis("ok", "params.yaml is valid")
 
 
-def check_code_in_git(root: Path) -> Iterator[Finding]:
+def check_code_in_git(root: Path) -> Iterator[Diagnosis]:
     """Git can keep experiments, and no code that one would run with is left out of its commit."""
     try:
         check_experiments(root)
     except ValueError as error:
-        yield Finding("error", str(error))
+        yield Diagnosis("error", str(error))
         return
     listed = ask_git("ls-files", "--others", "--exclude-standard", "--", "*.py", folder=root)
     new = listed.splitlines()
     if new:
         named = ", ".join(new[:5]) + (", ..." if len(new) > 5 else "")
         advice = "`dvc exp run` would not commit them; git add them"
-        yield Finding("warning", f"{len(new)} Python files are not in git: {named}; {advice}")
+        yield Diagnosis("warning", f"{len(new)} Python files are not in git: {named}; {advice}")
     else:
-        yield Finding("ok", "all Python files are in git")
+        yield Diagnosis("ok", "all Python files are in git")
 
 
-def check_shell(root: Path) -> Iterator[Finding]:
+def check_shell(root: Path) -> Iterator[Diagnosis]:
     """Plain ``dvc`` runs commands with ``$SHELL``, which has to understand dvc.yaml's."""
     shell = os.environ.get("SHELL") or SHELL
     where = {**os.environ, "DVC_ROOT": str(root)}
@@ -130,38 +130,38 @@ def check_shell(root: Path) -> Iterator[Finding]:
     except (OSError, subprocess.TimeoutExpired) as error:
         said, printed = str(error), ""
     if printed.rstrip("\n").endswith(f"{root}/.venv/bin:{where.get('PATH', '')}"):
-        yield Finding("ok", f"{shell} understands the commands of dvc.yaml")
+        yield Diagnosis("ok", f"{shell} understands the commands of dvc.yaml")
         return
     cannot = f"`dvc` runs commands with $SHELL, and {shell} cannot run those of dvc.yaml"
     remedy = f"`export SHELL={SHELL}`, or take `pcrdiff repro`"
-    yield Finding("error", f"{cannot} ({' '.join(said.split())}): {remedy}")
+    yield Diagnosis("error", f"{cannot} ({' '.join(said.split())}): {remedy}")
 
 
-def check_others(root: Path) -> Iterator[Finding]:
+def check_others(root: Path) -> Iterator[Diagnosis]:
     """Nobody else works in the project, and nobody left a lock behind."""
     check_locks(root)
-    yield Finding("ok", "no other DVC works here")
+    yield Diagnosis("ok", "no other DVC works here")
 
 
-def check_dvc_files(root: Path) -> Iterator[Finding]:
+def check_dvc_files(root: Path) -> Iterator[Diagnosis]:
     """DVC can read its config, dvc.yaml and dvc.lock."""
     from pipeline.command.graph import stage_needs
 
     stage_needs(root)
-    yield Finding("ok", "DVC can read its config, dvc.yaml and dvc.lock")
+    yield Diagnosis("ok", "DVC can read its config, dvc.yaml and dvc.lock")
 
 
-def check_dead_experiments(root: Path) -> Iterator[Finding]:
+def check_dead_experiments(root: Path) -> Iterator[Diagnosis]:
     """No folders of killed experiments."""
     dead = list(dead_experiments(root))
     if dead:
         sentence = f"{len(dead)} folders of killed experiments; `pcrdiff clean` removes them"
-        yield Finding("warning", sentence)
+        yield Diagnosis("warning", sentence)
     else:
-        yield Finding("ok", "no folders of killed experiments")
+        yield Diagnosis("ok", "no folders of killed experiments")
 
 
-def check_mlflow(root: Path) -> Iterator[Finding]:
+def check_mlflow(root: Path) -> Iterator[Diagnosis]:
     """The store answers, and keeps artifacts where this project would look for them."""
     from pipeline.tracking.mlflow_store import artifacts_folder, public, tracking_uri
     from pipeline.tracking.mlflow_sync import open_store
@@ -169,26 +169,26 @@ def check_mlflow(root: Path) -> Iterator[Finding]:
 
     uri = tracking_uri(root)
     client, experiment = open_store(root)
-    yield Finding("ok", f"MLflow answers at {public(uri)}")
+    yield Diagnosis("ok", f"MLflow answers at {public(uri)}")
     kept, expected = (
         client.get_experiment(experiment).artifact_location,
         artifacts_folder(uri, root),
     )
     if expected and kept != expected:
-        yield Finding("warning", f"MLflow keeps artifacts in {kept}, not in {expected}")
+        yield Diagnosis("warning", f"MLflow keeps artifacts in {kept}, not in {expected}")
     waiting = len(waiting_records(root))
     if waiting:
-        yield Finding("warning", f"{waiting} journals wait; `pcrdiff mlflow sync` sends them")
+        yield Diagnosis("warning", f"{waiting} journals wait; `pcrdiff mlflow sync` sends them")
 
 
-def check_disk(root: Path) -> Iterator[Finding]:
+def check_disk(root: Path) -> Iterator[Diagnosis]:
     """Room for data, models and DVC's cache."""
     free = shutil.disk_usage(root).free / 1e9
     level: Level = "ok" if free >= LEAST_FREE_GB else "warning"
-    yield Finding(level, f"{free:.1f} GB free on the disk of {root}")
+    yield Diagnosis(level, f"{free:.1f} GB free on the disk of {root}")
 
 
-def check_weights(root: Path) -> Iterator[Finding]:
+def check_weights(root: Path) -> Iterator[Diagnosis]:
     """Every weights file opens."""
     from safetensors import SafetensorError, safe_open
 
@@ -200,9 +200,9 @@ def check_weights(root: Path) -> Iterator[Finding]:
                 continue
         except (SafetensorError, OSError) as error:
             bad += 1
-            yield Finding("error", f"{path.relative_to(root)} cannot be read: {error}")
+            yield Diagnosis("error", f"{path.relative_to(root)} cannot be read: {error}")
     if not bad:
-        yield Finding("ok", f"{len(paths)} weights files are readable")
+        yield Diagnosis("ok", f"{len(paths)} weights files are readable")
 
 
 def _pinned(path: Path) -> Iterator["Requirement"]:

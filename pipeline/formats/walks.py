@@ -10,7 +10,7 @@ from jaxtyping import Float64
 from pipeline.formats.answers import POSE
 from pipeline.formats.files import read_csv, write_csv
 
-Kind = Literal["noisy", "predicted"]
+PoseKind = Literal["noisy", "predicted"]
 """G_t, read as a pose, or the prediction of G_0 made from it."""
 COLUMNS = ("pair", "step", "time", "kind", *POSE)
 
@@ -55,7 +55,7 @@ def read_walks(path: Path) -> list[Walk]:
 
 
 def _walk(method: str, pair: int, rows: list[list[str]]) -> Walk:
-    poses: dict[str, list[Float64[np.ndarray, "4 4"]]] = {kind: [] for kind in get_args(Kind)}
+    poses: dict[str, list[Float64[np.ndarray, "4 4"]]] = {kind: [] for kind in get_args(PoseKind)}
     for row in rows:
         pose = np.eye(4)
         pose[:3] = np.array([float(text) for text in row[4:]]).reshape(3, 4)

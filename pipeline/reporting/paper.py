@@ -8,7 +8,7 @@ from typing import Literal
 
 import pandas as pd
 
-from pipeline.settings.catalogue import CATALOGUE, Row
+from pipeline.settings.catalogue import CATALOGUE, Entry
 
 ACCURACY = ("rmse_r_deg", "rmse_t", "mae_r_deg", "mae_t", "error_r_deg", "error_t")
 MAE_AND_ERROR = ACCURACY[2:]
@@ -23,13 +23,13 @@ class Shown:
     kind: Literal["floor", "classical", "learned"]
 
 
-def _shown(row: Row) -> Shown:
-    return Shown(row.shown, row.kind if row.kind in ("floor", "classical") else "learned")
+def _shown(entry: Entry) -> Shown:
+    return Shown(entry.shown, entry.kind if entry.kind in ("floor", "classical") else "learned")
 
 
-METHODS = {name: _shown(row) for name, row in CATALOGUE.items()}
+METHODS = {name: _shown(entry) for name, entry in CATALOGUE.items()}
 """The methods in the order of their rows; one that is not here follows under its own name."""
-FLOORS = tuple(name for name, row in CATALOGUE.items() if row.kind == "floor")
+FLOORS = tuple(name for name, entry in CATALOGUE.items() if entry.kind == "floor")
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ Kind = Literal["floor", "classical", "baseline", "diffused"]
 
 
 @dataclass(frozen=True)
-class Row:
+class Entry:
     """How reports show a method."""
 
     shown: str
@@ -173,7 +173,7 @@ class Row:
     kind: Kind
 
 
-def row(shown: str, kind: Kind) -> Any:  # noqa: ANN401  what pydantic takes for a field
+def entry(shown: str, kind: Kind) -> Any:  # noqa: ANN401  what pydantic takes for a field
     """A method's section in params.yaml; a profile may leave out others than PCRDiffusion's."""
     default = ... if kind == "diffused" else None
     return Field(default=default, json_schema_extra={"shown": shown, "kind": kind})
@@ -188,36 +188,36 @@ class Methods(Section):
     The method itself is the class of that ``name`` in ``pcrdiff/methods/<name>.py``.
     """
 
-    identity: Settings[NoSetting] = row("Identity", "floor")
-    constant: Settings[NoSetting] = row("Constant (mean pose)", "floor")
-    icp_centroid: Settings[ICPSetting] = row("ICP from the centroids", "floor")
-    icp: Settings[ICPSetting] = row("ICP", "classical")
-    trimmed_icp: Settings[TrimmedICPSetting] = row("Trimmed ICP", "classical")
-    gicp: Settings[ICPSetting] = row("Generalized ICP", "classical")
-    fgr: Settings[FGRSetting] = row("FGR", "classical")
-    ransac_fpfh: Settings[FeatureSetting] = row("RANSAC on FPFH", "classical")
-    small_gicp: Settings[SmallGICPSetting] = row("small_gicp", "classical")
-    kiss_matcher: Settings[KISSMatcherSetting] = row("KISS-Matcher", "classical")
-    pointnetlk: Learned[LucasKanade, Updates] | None = row("PointNetLK", "baseline")
-    pcrnet: Learned[RepeatedRegression, Updates] | None = row("PCRNet", "baseline")
-    deepgmr: Learned[Mixture, NoSetting] | None = row("DeepGMR", "baseline")
-    dcp_v1: Learned[Graph, NoSetting] | None = row("DCP v1", "baseline")
-    dcp_v2: Learned[Graph, NoSetting] | None = row("DCP v2", "baseline")
-    fmr: Learned[DecodedLucasKanade, Updates] | None = row("FMR", "baseline")
-    rpmnet: Learned[RepeatedMatching, Updates] | None = row("RPMNet", "baseline")
-    egst: Learned[RepeatedMatching, Updates] | None = row("EGST", "baseline")
-    pcrdiffusion_cf: Learned[CorrespondenceFree, NoSetting] = row("PCRDiffusion CF", "diffused")
-    pcrdiffusion_cb: Learned[CorrespondenceBased, NoSetting] = row("PCRDiffusion CB", "diffused")
+    identity: Settings[NoSetting] = entry("Identity", "floor")
+    constant: Settings[NoSetting] = entry("Constant (mean pose)", "floor")
+    icp_centroid: Settings[ICPSetting] = entry("ICP from the centroids", "floor")
+    icp: Settings[ICPSetting] = entry("ICP", "classical")
+    trimmed_icp: Settings[TrimmedICPSetting] = entry("Trimmed ICP", "classical")
+    gicp: Settings[ICPSetting] = entry("Generalized ICP", "classical")
+    fgr: Settings[FGRSetting] = entry("FGR", "classical")
+    ransac_fpfh: Settings[FeatureSetting] = entry("RANSAC on FPFH", "classical")
+    small_gicp: Settings[SmallGICPSetting] = entry("small_gicp", "classical")
+    kiss_matcher: Settings[KISSMatcherSetting] = entry("KISS-Matcher", "classical")
+    pointnetlk: Learned[LucasKanade, Updates] | None = entry("PointNetLK", "baseline")
+    pcrnet: Learned[RepeatedRegression, Updates] | None = entry("PCRNet", "baseline")
+    deepgmr: Learned[Mixture, NoSetting] | None = entry("DeepGMR", "baseline")
+    dcp_v1: Learned[Graph, NoSetting] | None = entry("DCP v1", "baseline")
+    dcp_v2: Learned[Graph, NoSetting] | None = entry("DCP v2", "baseline")
+    fmr: Learned[DecodedLucasKanade, Updates] | None = entry("FMR", "baseline")
+    rpmnet: Learned[RepeatedMatching, Updates] | None = entry("RPMNet", "baseline")
+    egst: Learned[RepeatedMatching, Updates] | None = entry("EGST", "baseline")
+    pcrdiffusion_cf: Learned[CorrespondenceFree, NoSetting] = entry("PCRDiffusion CF", "diffused")
+    pcrdiffusion_cb: Learned[CorrespondenceBased, NoSetting] = entry("PCRDiffusion CB", "diffused")
 
 
-def _row(field: FieldInfo) -> Row:
-    return Row(**field.json_schema_extra)  # type: ignore[arg-type]  # a mapping, see `row`
+def _entry(field: FieldInfo) -> Entry:
+    return Entry(**field.json_schema_extra)  # type: ignore[arg-type]  # a mapping, see `entry`
 
 
-CATALOGUE = {name: _row(field) for name, field in Methods.model_fields.items()}
+CATALOGUE = {name: _entry(field) for name, field in Methods.model_fields.items()}
 """Every method by its name, in the order of the rows."""
 
 
 def names_of(*kinds: Kind) -> list[str]:
     """The methods of some kinds."""
-    return sorted(name for name, row in CATALOGUE.items() if row.kind in kinds)
+    return sorted(name for name, entry in CATALOGUE.items() if entry.kind in kinds)

@@ -5,7 +5,7 @@ import torch
 
 from pcrdiff.registration import LearnedMethod, Method
 from pipeline.loading import build_classical, build_learned, method_class, settings_of
-from pipeline.settings.catalogue import CATALOGUE, Row, names_of
+from pipeline.settings.catalogue import CATALOGUE, Entry, names_of
 from pipeline.settings.params import DIFFUSED, Params, learned_names
 from pipeline.settings.profiles import read_profile
 from tests.described import REPOSITORY
@@ -38,7 +38,7 @@ def test_every_file_of_a_method_has_its_line_in_the_catalogue() -> None:
 
 
 def test_a_line_of_the_catalogue_says_how_a_method_is_shown_and_of_which_kind_it_is() -> None:
-    assert CATALOGUE["fgr"] == Row("FGR", "classical")
+    assert CATALOGUE["fgr"] == Entry("FGR", "classical")
     assert [*CATALOGUE][:3] == ["identity", "constant", "icp_centroid"]
     assert names_of("floor") == ["constant", "icp_centroid", "identity"]
     assert names_of("diffused", "baseline") == learned_names()

@@ -19,7 +19,7 @@ from pipeline.command import plan as planning
 from pipeline.command.clean import SETTLING_SECONDS
 from pipeline.command.doctor import (
     CHECKS,
-    Finding,
+    Diagnosis,
     check_code_in_git,
     check_lock,
     check_shell,
@@ -272,12 +272,12 @@ def test_clean_keeps_an_experiment_a_process_works_in(project: Path) -> None:
 
 
 def test_doctor_shows_every_finding_and_fails_on_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    def check_broken(_root: Path) -> Iterator[Finding]:
+    def check_broken(_root: Path) -> Iterator[Diagnosis]:
         raise ValueError("steps must be an integer")
 
-    def check_fine(_root: Path) -> Iterator[Finding]:
-        yield Finding("ok", "all well")
-        yield Finding("warning", "but look")
+    def check_fine(_root: Path) -> Iterator[Diagnosis]:
+        yield Diagnosis("ok", "all well")
+        yield Diagnosis("warning", "but look")
 
     monkeypatch.setattr("pipeline.command.doctor.CHECKS", (check_broken, check_fine))
     result = pcrdiff("doctor")
