@@ -4,7 +4,6 @@ from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Int64
 from plotly import graph_objects as go
 
 from pipeline.reporting.drawing import (
@@ -22,6 +21,7 @@ from pipeline.reporting.drawing import (
     mark_constant,
     on_lines,
     ranks,
+    thinned,
     with_intervals,
     with_printed,
 )
@@ -34,7 +34,7 @@ from pipeline.reporting.paper import (
     shown,
     varied,
 )
-from pipeline.reporting.reading import Training
+from pipeline.reporting.reading import Training, choose
 from pipeline.reporting.showing import show_short, unit_of
 
 LINE_HEIGHT = 22
@@ -62,8 +62,7 @@ SMALLEST_BINNED = 1e-4
 
 def headlines(numbers: pd.DataFrame, metric: str) -> pd.DataFrame:
     """Pick a metric of one line of each method: all pairs, the paper's setting where it was run."""
-    main = numbers["headline"] & (numbers["kind"] == "line") & (numbers["subset"] == "all")
-    return numbers[main & (numbers["metric"] == metric)]
+    return choose(numbers, headline=True, kind="line", subset="all", metric=metric)
 
 
 def errors_chart(numbers: pd.DataFrame, scenario: str, metric: str, unit: str) -> go.Figure:
@@ -71,7 +70,7 @@ def errors_chart(numbers: pd.DataFrame, scenario: str, metric: str, unit: str) -
     chosen = headlines(numbers, metric)
     names = [shown(method).name for method in in_order(chosen["method"])]
     start = axis_start(chosen, metric)
-    here = with_intervals(chosen[chosen["scenario"] == scenario], start)
+    here = with_intervals(choose(chosen, scenario=scenario), start)
     kinds = here["method"].map(lambda method: shown(method).kind)
     symbols = kinds.map(KIND_SYMBOLS).mask(here["value"] < start, "triangle-left")
     looks = {"label": kinds, "color": kinds.map(KINDS), "symbol": symbols}
@@ -88,9 +87,8 @@ def errors_chart(numbers: pd.DataFrame, scenario: str, metric: str, unit: str) -
 
 def ablated(numbers: pd.DataFrame, ablation: str, kind: str = "line") -> pd.DataFrame:
     """Pick both mean errors of an ablation's settings, on all pairs of unseen objects."""
-    chosen = (numbers["ablation"] == ablation) & (numbers["kind"] == kind)
-    chosen &= (numbers["subset"] == "all") & numbers["metric"].isin(ERRORS)
-    return numbers[chosen & (numbers["scenario"] == UNSEEN_OBJECTS)]
+    place = {"ablation": ablation, "scenario": UNSEEN_OBJECTS, "subset": "all", "kind": kind}
+    return choose(numbers[numbers["metric"].isin(ERRORS)], **place)
 
 
 def ablation_chart(numbers: pd.DataFrame, ablation: str, unit: str) -> go.Figure:
@@ -101,7 +99,7 @@ def ablation_chart(numbers: pd.DataFrame, ablation: str, unit: str) -> go.Figure
         for row in rows.itertuples()
     ]
     rows = rows.iloc[sorted(range(len(rows)), key=keys.__getitem__)]  # what the paper has first
-    starts = {metric: axis_start(rows[rows["metric"] == metric], metric) for metric in ERRORS}
+    starts = {metric: axis_start(choose(rows, metric=metric), metric) for metric in ERRORS}
     looks = {"label": "ours, 95 % interval", "color": BLUE, "symbol": "circle", "dash": ""}
     points = with_intervals(rows, rows["metric"].map(starts)).assign(**looks)
     points = with_printed(points.assign(panel=[label_of(name, unit) for name in rows["metric"]]))
@@ -109,11 +107,10 @@ def ablation_chart(numbers: pd.DataFrame, ablation: str, unit: str) -> go.Figure
     height = LINE_HEIGHT * len({*names}) + 110
     figure = on_lines(draw(points.assign(x=points["drawn"], y=names), height, bars="x"), names)
     for column, metric in enumerate(ERRORS, start=1):
-        drawn = points.loc[(points["metric"] == metric) & (points["drawn"] > 0), "drawn"]
+        drawn = choose(points[points["drawn"] > 0], metric=metric)["drawn"]
         wide = drawn.max() > WIDE * drawn.min()
         figure.update_xaxes(**(LOG if wide else {"rangemode": "tozero"}), col=column)
-        main = headlines(numbers, metric)
-        here = main[main["scenario"] == UNSEEN_OBJECTS]
+        here = choose(headlines(numbers, metric), scenario=UNSEEN_OBJECTS)
         mark_constant(figure, here, starts[metric], column)
     return figure.update_layout(legend={"orientation": "h", "y": 0, "yref": "container"})
 
@@ -164,8 +161,8 @@ def _on_steps(rows: pd.DataFrame, unit: str) -> pd.DataFrame:
 
 def speed_chart(numbers: pd.DataFrame) -> go.Figure:
     """Draw error against seconds per pair at the left, against memory at the right."""
-    timed = numbers[(numbers["table"] == TIMING.table) & (numbers["kind"] == "line")]
-    errors = timed[timed["metric"] == "error_r_deg"]
+    timed = choose(numbers, table=TIMING.table, kind="line")
+    errors = choose(timed, metric="error_r_deg")
     errors = with_intervals(errors, axis_start(errors, "error_r_deg"))
     line = ["method", "setting"]
     names = [*line, "drawn", "minus", "plus", "says", "paper"]
@@ -190,9 +187,9 @@ def speed_chart(numbers: pd.DataFrame) -> go.Figure:
 
 def _printed_costs(costs: pd.DataFrame) -> pd.DataFrame:
     """Draw what the paper prints hollow; a bound on a time sits at the left edge, as a triangle."""
-    own = (costs["metric"] == "seconds") & (costs["setting"] == "paper")
-    printed = costs[own & costs["paper"].notna() & costs["paper_of_error"].notna()]
-    fastest = max(costs.loc[costs["metric"] == "seconds", "value"].min(), NOT_TIMED)
+    seconds = choose(costs, metric="seconds")
+    printed = choose(seconds, setting="paper").dropna(subset=["paper", "paper_of_error"])
+    fastest = max(seconds["value"].min(), NOT_TIMED)
     bound = printed["paper"] < NOT_TIMED
     return printed.assign(
         x=printed["paper"].mask(bound, 10 ** (np.floor(np.log10(fastest)) - 1)),
@@ -211,8 +208,8 @@ def difficulty_chart(numbers: pd.DataFrame, metric: str) -> go.Figure | None:
     """Draw a metric against rotation angle, overlap and noise; None if nothing was binned."""
     noise = numbers["noise"].where(numbers["kind"] == "line").astype(float)
     middle = ((numbers["bin_low"] + numbers["bin_high"]) / 2).fillna(noise)
-    kept = (numbers["metric"] == metric) & (numbers["subset"] == "all") & middle.notna()
-    rows = numbers.assign(by=numbers["by"].mask(noise.notna(), "noise"), middle=middle)[kept]
+    rows = numbers.assign(by=numbers["by"].mask(noise.notna(), "noise"), middle=middle)
+    rows = choose(rows[middle.notna()], metric=metric, subset="all")
     if rows.empty:
         return None
     percent = metric.endswith("_percent")
@@ -245,9 +242,8 @@ def _aside(points: pd.DataFrame) -> pd.Series:
 
 def distribution_chart(answers: pd.DataFrame, scenario: str, unit: str) -> go.Figure:
     """Draw the share of pairs below each error: rotation at the left, translation at the right."""
-    here = answers[answers["headline"] & (answers["scenario"] == scenario)]
-    errors = here.melt("method", [*ERRORS], "metric", "error")
-    points = cumulative(errors)
+    here = choose(answers, headline=True, scenario=scenario)
+    points = cumulative(here.melt("method", [*ERRORS], "metric", "error"))
     points = points.sort_values("method", key=ranks, kind="stable")
     points = points.sort_values("metric", kind="stable")
     says = [f"{y:.0f} % of pairs at most {x:.3g}" for x, y in points[["x", "y"]].to_numpy()]
@@ -270,7 +266,7 @@ def cumulative(errors: pd.DataFrame, most: int = 120) -> pd.DataFrame:
     errors = errors.sort_values(["metric", "method"], kind="stable")
     line = errors.groupby(["metric", "method"])["error"]
     place, count = line.cumcount(), line.transform("count")
-    kept = (place + 1) * most // count != place * most // count  # the last of each of as many parts
+    kept = place.isin(thinned(int(count.max()), most))  # methods have the same pairs
     points = errors.assign(x=errors["error"], y=100 * (place + 1) / count)[kept]
     rounded = {name: [float(f"{value:.4g}") for value in points[name]] for name in "xy"}
     return points.assign(**rounded)
@@ -297,8 +293,3 @@ def curve_points(curve: pd.DataFrame, column: str, most: int = 500) -> pd.DataFr
     """Give a column (y) by its training steps (x), leaving gaps out and thinning long curves."""
     points = curve.reindex(columns=["step", column]).set_axis(["x", "y"], axis=1).dropna()
     return points.iloc[thinned(len(points), most)]
-
-
-def thinned(count: int, most: int) -> Int64[np.ndarray, " kept"]:
-    """Choose at most so many of a row of things, evenly, from the first to the last."""
-    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))

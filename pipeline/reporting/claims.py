@@ -22,6 +22,7 @@ from pipeline.reporting.paper import (
     printed,
     shown,
 )
+from pipeline.reporting.reading import choose
 from pipeline.reporting.verdicts import (
     NO_DIFFERENCE_DEG,
     Number,
@@ -95,8 +96,8 @@ def _theirs(scenario: str, method: str) -> float:
 
 def _compared(scenario: str) -> list[str]:
     """Name the methods beside CB that the paper prints a row for."""
-    here = (PRINTED["table"] == place(scenario).table) & (PRINTED["scenario"] == scenario)
-    return in_order({*PRINTED[here]["method"]} - {CB})
+    here = choose(PRINTED, table=place(scenario).table, scenario=scenario)
+    return in_order({*here["method"]} - {CB})
 
 
 def _order(
@@ -135,7 +136,8 @@ def _told(
     return (
         f"Ours: {say(mine)}.",
         *(
-            f"It is {side} {len(rows)} of {len(contrasts)} (its error minus theirs): {listed(rows)}."
+            f"It is {side} {len(rows)} of {len(contrasts)} (its error minus theirs):"
+            f" {listed(rows)}."
             for side, rows in sides.items()
             if rows
         ),

@@ -12,9 +12,9 @@ from jaxtyping import Float64
 from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pipeline.formats.answers import POSE
 from pipeline.formats.walks import Walk
-from pipeline.reporting.drawing import ranks
+from pipeline.reporting.drawing import ranks, thinned
 from pipeline.reporting.paper import place, scenario_rank, shown
-from pipeline.reporting.reading import PairFile
+from pipeline.reporting.reading import PairFile, choose
 
 CHOOSERS = ("pcrdiffusion_cb", "pcrdiffusion_cf", "icp")
 """The first of these there are results of chooses the pairs by its rotation error."""
@@ -64,9 +64,7 @@ def choose_examples(answers: pd.DataFrame, files: Mapping[str, PairFile]) -> lis
     return [
         example
         for scenario in first.values()
-        for example in _examples(
-            answers[answers["headline"] & (answers["scenario"] == scenario)], files[scenario]
-        )
+        for example in _examples(choose(answers, headline=True, scenario=scenario), files[scenario])
     ]
 
 
@@ -76,7 +74,7 @@ def _examples(answers: pd.DataFrame, file: PairFile) -> list[Example]:
     chooser = answers["method"] == (there[0] if there else answers["method"].iloc[-1])
     answers = pd.concat([answers[chooser], answers[~chooser]])
     return [
-        _example(choice, answers[answers["pair"] == pair], file)
+        _example(choice, choose(answers, pair=pair), file)
         for choice, pair in choose_pairs(answers[: int(chooser.sum())]).items()
     ]
 
@@ -132,8 +130,7 @@ def describe(answer: Mapping[str, Any], unit: str) -> str:
 
 def thin(points: Cloud, most: int = 2048) -> Cloud:
     """Keep at most so many points, evenly by index."""
-    kept = np.linspace(0, len(points) - 1, min(most, len(points))).astype(int)
-    return np.asarray(points[kept])
+    return np.asarray(points[thinned(len(points), most)])
 
 
 def scene_data(

@@ -1,4 +1,4 @@
-"""The tables as Markdown, and as LaTeX to paste into a paper; the page has the same templates' form."""
+"""The tables as Markdown, and as LaTeX to paste into a paper."""
 
 import re
 from collections.abc import Sequence

@@ -1,14 +1,15 @@
 """What all interactive charts share: how methods look, and one function that draws points.
 
-Points are a frame with ``panel``, ``method``, ``label`` (what the legend says), ``x``, ``y``, ``says``
-(shown under the pointer), ``color``, ``symbol``, ``dash`` (empty: not joined by a line) and, where
-there are intervals, how far they reach to either side: ``minus`` and ``plus``.
+Points are a frame with ``panel``, ``method``, ``label`` (what the legend says), ``x``, ``y``,
+``says`` (shown under the pointer), ``color``, ``symbol``, ``dash`` (empty: not joined by a line)
+and, where there are intervals, how far they reach to either side: ``minus`` and ``plus``.
 """
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Int64
 from plotly import graph_objects as go
 from plotly.subplots import make_subplots
 
@@ -45,10 +46,11 @@ def draw(points: pd.DataFrame, height: int, bars: str = "y") -> go.Figure:
     traces, columns, named = [], [], set()
     for (panel, label, method, color, symbol, dash), some in points.groupby(looks, sort=False):
         trace = {
-            "type": "scatter", "x": some["x"].to_numpy(), "y": some["y"].to_numpy(), "meta": method, "name": label,
-            "mode": "lines+markers" if dash else "markers", "legendgroup": label,
-            "showlegend": label not in named, "hovertext": some["says"].tolist(),
-            "hoverinfo": "text", "marker": {"color": color, "symbol": symbol, "size": 8},
+            "type": "scatter", "x": some["x"].to_numpy(), "y": some["y"].to_numpy(),
+            "mode": "lines+markers" if dash else "markers", "meta": method, "name": label,
+            "legendgroup": label, "showlegend": label not in named,
+            "hovertext": some["says"].tolist(), "hoverinfo": "text",
+            "marker": {"color": color, "symbol": symbol, "size": 8},
             "line": {"color": color, "dash": dash or "solid", "width": 1.6},
         }  # fmt: skip
         if "plus" in some and some["plus"].notna().any():
@@ -81,7 +83,7 @@ def method_style(method: str) -> tuple[str, str, str]:
 
 
 def with_intervals(numbers: pd.DataFrame, least: float | pd.Series = 0.0) -> pd.DataFrame:
-    """Prepare numbers to be drawn, none below ``least``: ``drawn``, ``minus``, ``plus``, ``says``."""
+    """Add ``drawn``, ``minus``, ``plus`` and ``says`` to numbers; none is drawn below ``least``."""
     drawn = numbers["value"].clip(lower=least)
     return numbers.assign(
         drawn=drawn,
@@ -140,3 +142,8 @@ def ranks(methods: pd.Series) -> pd.Series:
     """Give each method its place in the order of the rows, to sort by."""
     order = in_order(methods)
     return methods.map(order.index)
+
+
+def thinned(count: int, most: int) -> Int64[np.ndarray, " kept"]:
+    """Choose at most so many of a row of things, evenly, from the first to the last."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))

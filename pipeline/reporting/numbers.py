@@ -19,7 +19,7 @@ from pipeline.reporting.paper import (
     VARIED,
     varied,
 )
-from pipeline.reporting.reading import EULER, SET, SHIFT, TIMED
+from pipeline.reporting.reading import EULER, SET, SHIFT, TIMED, choose
 
 COLUMNS = ["table", "scenario", "subset", "method", "setting", "metric"]
 COLUMNS += ["value", "low", "high", "paper", "pairs", "failures"]
@@ -158,13 +158,13 @@ def _lines(answers: pd.DataFrame, seed: int) -> Iterator[Row]:
 
 
 def _timed(times: pd.DataFrame, lines: pd.DataFrame, seed: int) -> Iterator[Row]:
-    """Make the lines of Table 6: the times, and the accuracy that Table 1 (a) gives the same line."""
-    main = (lines["scenario"] == UNSEEN_OBJECTS) & (lines["subset"] == "all")
-    main &= (lines["ablation"] == "") & lines["metric"].isin(MAE_AND_ERROR)
+    """Make the lines of Table 6: the times, and the accuracy of the same lines in Table 1 (a)."""
+    main = lines[lines["metric"].isin(MAE_AND_ERROR)]
+    main = choose(main, scenario=UNSEEN_OBJECTS, subset="all", ablation="")
     for keys, pairs in times.groupby(SET):
         place = dict(zip(SET, keys, strict=True))
-        same = (lines["method"] == place["method"]) & (lines["setting"] == place["setting"])
-        accuracy = lines[main & same].assign(table=TIMING.table, headline=False)
+        accuracy = choose(main, method=place["method"], setting=place["setting"])
+        accuracy = accuracy.assign(table=TIMING.table, headline=False)
         yield from accuracy.to_dict("records")
         failures = int(accuracy["failures"].max()) if len(accuracy) else 0
         for row in _measure(pairs, TIMED, seed, place):
@@ -247,8 +247,8 @@ def spread_over_draws(numbers: pd.DataFrame) -> pd.DataFrame:
     Returns:
         A row, with the columns of ``numbers``, for each line that was drawn more than once.
     """
-    drawn = numbers[numbers["kind"].isin(["line", "draw"]) & (numbers["subset"] == "all")]
-    drawn = drawn[drawn["metric"] == "error_r_deg"].sort_values("draw", kind="stable")
+    drawn = numbers[numbers["kind"].isin(["line", "draw"])].sort_values("draw", kind="stable")
+    drawn = choose(drawn, subset="all", metric="error_r_deg")
     means = drawn.groupby(SET[:-1])["value"]
     lines = drawn.assign(value=means.transform("std"), freedom=means.transform("count") - 1)
     lines = lines[(lines["draw"] == 0) & (lines["freedom"] > 0)]

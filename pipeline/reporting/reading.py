@@ -29,8 +29,15 @@ SET = ["table", "ablation", "scenario", "method", "setting", "draw"]
 """What the answers of one set have in common; a further draw of the noise is a set of its own."""
 
 
+def choose(frame: pd.DataFrame, **wanted: object) -> pd.DataFrame:
+    """Keep the rows of a frame that have these values in these columns."""
+    for name, value in wanted.items():
+        frame = frame[frame[name] == value]
+    return frame
+
+
 def read_answers(folder: Path) -> pd.DataFrame:
-    """Read every ``<method>/<scenario>.csv``, ``ablations/<name>.csv`` and ``ablations/noise/*.csv``.
+    """Read ``<method>/<scenario>.csv``, ``ablations/<name>.csv`` and ``ablations/noise/*.csv``.
 
     Returns:
         A row for each answer to a pair, in the order of the sets and of the pairs. Besides the

@@ -18,7 +18,7 @@ from pipeline.reporting.paper import (
     setting_rank,
     shown,
 )
-from pipeline.reporting.reading import NOISE, PairFile, Training
+from pipeline.reporting.reading import NOISE, PairFile, Training, choose
 from pipeline.reporting.showing import (
     HEADINGS,
     UNRESOLVED,
@@ -188,7 +188,7 @@ def make_tables(
         for one in trainings
         for setting in one.settings or [""]
     }
-    lines = {keys: _lines(found) for keys, found in numbers[numbers["kind"] == "line"].groupby(KEY)}
+    lines = {keys: _lines(found) for keys, found in choose(numbers, kind="line").groupby(KEY)}
     order = sorted(lines, key=lambda key: (key[0], scenario_rank(key[1]), *key[2:]))
     return [_table(key, lines, budgets, files[key[1]]) for key in order]
 
@@ -266,7 +266,7 @@ def beats(line: Line, floor: Line) -> bool:
 def _absent(key: Key, lines: Sequence[Line]) -> tuple[str, ...]:
     """Name what the paper has a row for and these results lack: methods, or ablated settings."""
     table, scenario, ablation, _ = key
-    here = PRINTED[(PRINTED["table"] == table) & (PRINTED["scenario"] == scenario)]
+    here = choose(PRINTED, table=table, scenario=scenario)
     printed = {*here[["method", "setting"]].itertuples(index=False, name=None)}
     methods = {*FLOORS, *(method for method, _ in printed if not ablation)}
     missing = sorted(methods - {line.method for line in lines}, key=method_rank)

@@ -18,9 +18,9 @@ RULE = (
     " **undecided**. A claim over several comparisons is confirmed if all of them are on its side,"
     " and not confirmed if one is on the other; a claim that something holds somewhere, the other"
     " way round. Of two settings that both do not beat the mean training pose nothing is said:"
-    " **undecided**. That two things do not differ is confirmed if the interval holds 0 and stays within"
-    f" ±{NO_DIFFERENCE_DEG}°, not confirmed if it does not hold 0. Where a comparison is missing,"
-    " the claim is **not run**. Errors are ERROR(R), in degrees; the paper's iteration counts are"
+    " **undecided**. That two things do not differ is confirmed if the interval holds 0 and stays"
+    f" within ±{NO_DIFFERENCE_DEG}°, not confirmed if it does not hold 0. Where a comparison is"
+    " missing, the claim is **not run**. Errors are ERROR(R), in degrees; the paper's iteration counts are"
     " meant unless other settings are named."
 )
 

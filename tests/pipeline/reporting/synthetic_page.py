@@ -1,4 +1,4 @@
-"""A synthetic page with everything on it: findings, walks, studies and every method of the paper."""
+"""A synthetic page with everything on it: findings, walks, studies and every method."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -18,13 +18,13 @@ from pipeline.reporting.charts import (
     headlines,
     speed_chart,
     steps_chart,
-    thinned,
 )
-from pipeline.reporting.drawing import CYCLE, axis_start, method_style
+from pipeline.reporting.drawing import CYCLE, axis_start, method_style, thinned
 from pipeline.reporting.page import ABLATED, Contents, make_charts
 from pipeline.reporting.paper import METHODS, shown
+from pipeline.reporting.reading import choose
 from tests.pipeline.reporting.synthetic_page import make_contents
-from tests.pipeline.reporting.test_numbers import choose, pick
+from tests.pipeline.reporting.test_numbers import pick
 
 UNSEEN = "modelnet40-unseen_objects"
 SCENARIOS = (UNSEEN, "modelnet40-partial", "3dmatch")
@@ -205,8 +205,8 @@ def test_a_long_distribution_is_thinned_evenly_and_keeps_its_end() -> None:
     errors = pd.DataFrame({"error": np.arange(1000.0), "method": "icp", "metric": "error_t"})
     points = cumulative(errors, most=100)
     assert len(points) == 100
-    assert points["y"].tolist() == [*range(1, 101)]
-    assert points["x"].iloc[-1] == 999
+    assert np.ptp(np.diff(points["y"])) <= 0.2  # evenly
+    assert (points["x"].iloc[0], points["x"].iloc[-1], points["y"].iloc[-1]) == (0.00001, 999, 100)
 
 
 def test_curves_leave_gaps_out(contents: Contents) -> None:

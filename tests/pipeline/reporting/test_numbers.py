@@ -17,7 +17,7 @@ from pipeline.reporting.numbers import (
     statistic_of,
     write_numbers,
 )
-from pipeline.reporting.reading import read_answers, read_pair_files, read_times
+from pipeline.reporting.reading import choose, read_answers, read_pair_files, read_times
 from tests.pipeline.reporting.synthetic_results import (
     plain_row,
     result_file,
@@ -31,12 +31,6 @@ UNSEEN = "modelnet40-unseen_objects"
 def numbers_of(folder: Path) -> pd.DataFrame:
     answers, times = read_answers(folder), read_times(folder)
     return make_numbers(answers, times, measure_difficulty({}), seed=0)
-
-
-def choose(numbers: pd.DataFrame, **wanted: object) -> pd.DataFrame:
-    for name, value in wanted.items():
-        numbers = numbers[numbers[name] == value]
-    return numbers
 
 
 def pick(numbers: pd.DataFrame, **wanted: object) -> pd.Series:

@@ -9,7 +9,7 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Locator, Page
+from playwright.sync_api import Browser, Locator, Page, ViewportSize
 
 from pipeline.reporting.page import render_page
 from tests.pipeline.browser import browser as browser
@@ -115,9 +115,9 @@ def test_the_first_screen_shows_pictures_and_the_table_at_a_glance(page: Page) -
     assert glance["y"] < 700
 
 
-def test_nothing_is_wider_than_a_phone(opened: Opened) -> None:
-    size = {"width": 390, "height": 844}
-    context = opened.page.context.browser.new_context(viewport=size, offline=True)  # type: ignore[union-attr,arg-type]
+def test_nothing_is_wider_than_a_phone(opened: Opened, browser: Browser) -> None:
+    size: ViewportSize = {"width": 390, "height": 844}
+    context = browser.new_context(viewport=size, offline=True)
     phone = context.new_page()
     said = listen(phone)
     phone.goto(opened.file.as_uri())
