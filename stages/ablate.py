@@ -23,8 +23,7 @@ from pipeline.answering import answer, answer_all
 from pipeline.compute.machine import settle
 from pipeline.formats.answers import write_ablation
 from pipeline.formats.pairs import read_pairs
-from pipeline.formats.walks import Walk as RecordedWalk
-from pipeline.formats.walks import write_walks
+from pipeline.formats.walks import RecordedWalk, write_walks
 from pipeline.formats.weights import WEIGHTS
 from pipeline.loading import load_diffused, load_learned
 from pipeline.settings.params import Diffusion, Params, pick, read_params

@@ -16,7 +16,7 @@ COLUMNS = ("pair", "step", "time", "kind", *POSE)
 
 
 @dataclass(frozen=True)
-class Walk:
+class RecordedWalk:
     """One pair's walk back under one method."""
 
     method: str
@@ -30,7 +30,7 @@ class Walk:
     """The prediction of G_0 made at each step; the last one is the answer."""
 
 
-def write_walks(path: Path, walks: list[Walk]) -> None:
+def write_walks(path: Path, walks: list[RecordedWalk]) -> None:
     """Write ``results/walks/<scenario>/<method>.csv``: two rows per step."""
     rows: list[list[object]] = [
         [walk.pair, step, time, kind, *pose[:3].ravel().tolist()]
@@ -41,7 +41,7 @@ def write_walks(path: Path, walks: list[Walk]) -> None:
     write_csv(path, [list(COLUMNS), *rows])
 
 
-def read_walks(path: Path) -> list[Walk]:
+def read_walks(path: Path) -> list[RecordedWalk]:
     """Read what :func:`write_walks` wrote; the method is the file's stem.
 
     Raises:
@@ -54,11 +54,11 @@ def read_walks(path: Path) -> list[Walk]:
     return [_walk(path.stem, pair, [row for row in rows if int(row[0]) == pair]) for pair in pairs]
 
 
-def _walk(method: str, pair: int, rows: list[list[str]]) -> Walk:
+def _walk(method: str, pair: int, rows: list[list[str]]) -> RecordedWalk:
     poses: dict[str, list[Float64[np.ndarray, "4 4"]]] = {kind: [] for kind in get_args(PoseKind)}
     for row in rows:
         pose = np.eye(4)
         pose[:3] = np.array([float(text) for text in row[4:]]).reshape(3, 4)
         poses[row[3]].append(pose)
     times = tuple(int(row[2]) for row in rows if row[3] == "noisy")
-    return Walk(method, pair, times, np.stack(poses["noisy"]), np.stack(poses["predicted"]))
+    return RecordedWalk(method, pair, times, np.stack(poses["noisy"]), np.stack(poses["predicted"]))

@@ -11,7 +11,7 @@ from jaxtyping import Float64
 
 from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pipeline.formats.answers import POSE
-from pipeline.formats.walks import Walk
+from pipeline.formats.walks import RecordedWalk
 from pipeline.reporting.drawing import ranks, thinned
 from pipeline.reporting.paper import place, scenario_rank, shown
 from pipeline.reporting.reading import PairFile, choose
@@ -135,7 +135,7 @@ def thin(points: Cloud, most: int = 2048) -> Cloud:
 
 def scene_data(
     examples: Sequence[Example],
-    walks: Mapping[str, Sequence[Walk]],
+    walks: Mapping[str, Sequence[RecordedWalk]],
     files: Mapping[str, PairFile],
 ) -> dict[str, Any]:
     """Collect what the page moves: each cloud once, and poses as their twelve upper numbers.
@@ -176,7 +176,7 @@ def _choice(example: Example) -> dict[str, Any]:
     return {"pair": example.pair, "group": example.group, "poses": poses}
 
 
-def _walk(walk: Walk, file: PairFile) -> dict[str, Any]:
+def _walk(walk: RecordedWalk, file: PairFile) -> dict[str, Any]:
     _, _, truth = known_pair(file, walk.pair)
     steps = {
         kind: [

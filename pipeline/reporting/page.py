@@ -12,7 +12,7 @@ from plotly.graph_objects import Figure
 from plotly.offline import get_plotlyjs
 
 from pipeline.formats.benchmarks import Benchmarks
-from pipeline.formats.walks import Walk
+from pipeline.formats.walks import RecordedWalk
 from pipeline.reporting.benchmark_charts import benchmark_charts, latency_rows
 from pipeline.reporting.charts import (
     KIND_SYMBOLS,
@@ -69,7 +69,7 @@ class Contents:
     profile: str
     banner: str | None
     findings: Sequence[Finding] = ()
-    walks: Mapping[str, Sequence[Walk]] = field(default_factory=dict)
+    walks: Mapping[str, Sequence[RecordedWalk]] = field(default_factory=dict)
     """By scenario."""
     provenance: Provenance | None = None
     benchmarks: Benchmarks | None = None

@@ -13,7 +13,7 @@ from pcrdiff.registration import Pairs
 from pipeline.formats.answers import ANSWER
 from pipeline.formats.files import read_csv
 from pipeline.formats.pairs import read_attributes, read_pairs
-from pipeline.formats.walks import Walk, read_walks
+from pipeline.formats.walks import RecordedWalk, read_walks
 from pipeline.formats.weights import CURVE, FACTS
 from pipeline.reporting.paper import ABLATIONS as ABLATED
 from pipeline.reporting.paper import TIMING, UNSEEN_OBJECTS, place
@@ -180,13 +180,13 @@ def _is_headline(answers: pd.DataFrame) -> pd.Series:
     return (ranked == chosen).reindex(answers.index, fill_value=False)
 
 
-def read_all_walks(results: Path) -> dict[str, list[Walk]]:
+def read_all_walks(results: Path) -> dict[str, list[RecordedWalk]]:
     """Read every ``walks/<scenario>/<method>.csv``, by scenario; none is fine.
 
     Raises:
         ValueError: One is cut short or ill-formed.
     """
-    walks: dict[str, list[Walk]] = {}
+    walks: dict[str, list[RecordedWalk]] = {}
     for file in sorted(results.glob(f"{WALKS}/*/*.csv")):
         walks.setdefault(file.parent.name, []).extend(read_walks(file))
     return walks

@@ -14,7 +14,7 @@ from pipeline.formats.answers import ANSWER, POSE
 from pipeline.formats.files import write_csv
 from pipeline.formats.pairs import Streamed
 from pipeline.formats.pairs import write_pairs as write_pairs_file
-from pipeline.formats.walks import Walk
+from pipeline.formats.walks import RecordedWalk
 from pipeline.formats.walks import write_walks as write_the_walks
 from pipeline.reporting.paper import UNSEEN_OBJECTS, VALUES
 from pipeline.reporting.reading import EULER, SHIFT
@@ -183,7 +183,7 @@ def write_walks(file: Path, method: str, poses: np.ndarray, generator: np.random
     """Write a walk back in eight steps for each of the first two pairs."""
     times = tuple(range(1000, 0, -125))
     made = [
-        Walk(
+        RecordedWalk(
             method,
             pair,
             times,

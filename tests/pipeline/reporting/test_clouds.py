@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.formats.walks import Walk
+from pipeline.formats.walks import RecordedWalk
 from pipeline.reporting.clouds import (
     Example,
     choose_examples,
@@ -38,8 +38,10 @@ def read_kitti(folder: Path, pairs: int = 3) -> PairFile:
     return read_pair_files(folder / "pairs", ["kitti"])["kitti"]
 
 
-def walk_to(end: np.ndarray) -> Walk:
-    return Walk("pcrdiffusion_cb", 1, (1000, 500), np.stack([np.eye(4)] * 2), np.stack([end] * 2))
+def walk_to(end: np.ndarray) -> RecordedWalk:
+    return RecordedWalk(
+        "pcrdiffusion_cb", 1, (1000, 500), np.stack([np.eye(4)] * 2), np.stack([end] * 2)
+    )
 
 
 def test_examples_are_the_pairs_of_best_median_and_worst_error(inputs: Inputs) -> None:
