@@ -18,12 +18,12 @@ from pcrdiff.bindings.open3d import open3d
 from pcrdiff.data.modelnet40 import read_items
 from pcrdiff.data.raw import RawItem
 from pcrdiff.data.scenarios import Corruption, make_pairs
-from pcrdiff.data.synthetic.modelnet40 import write_modelnet40
 from pipeline.compute.machine import forget_peak, resident
 from pipeline.compute.progress import bar
 from pipeline.compute.workers import spread_over
 from pipeline.formats.pairs import Streamed, write_pairs
 from pipeline.settings.params import Compute
+from pipeline.synthetic.modelnet40 import write_modelnet40
 
 NUM_POINTS, WORKERS = 2048, 2
 REAL_TIMES = 12  # there are few real ones at hand

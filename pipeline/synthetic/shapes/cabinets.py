@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.modelnet40.parts import (
+from pipeline.synthetic.shapes.parts import (
     LEG_STYLES,
     bar_handle,
     carcass,
@@ -15,7 +15,7 @@ from pcrdiff.data.synthetic.modelnet40.parts import (
     legs,
     mirrored,
 )
-from pcrdiff.data.synthetic.modelnet40.solids import (
+from pipeline.synthetic.shapes.solids import (
     Real,
     Span,
     block,

@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Float64
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.modelnet40.parts import (
+from pipeline.synthetic.shapes.parts import (
     hollow,
 )
-from pcrdiff.data.synthetic.modelnet40.plants import flower
-from pcrdiff.data.synthetic.modelnet40.solids import (
+from pipeline.synthetic.shapes.plants import flower
+from pipeline.synthetic.shapes.solids import (
     Vector,
     ball,
     block,

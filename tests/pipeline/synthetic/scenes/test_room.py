@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pcrdiff.data.synthetic.room import KINDS, Room, sample_camera_path, sample_room
-from pcrdiff.data.synthetic.scene import RayScene
+from pipeline.synthetic.scenes.rays import RayScene
+from pipeline.synthetic.scenes.room import KINDS, Room, sample_camera_path, sample_room
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.scene import RayScene, box, frustum, leaves, merged, placed, tapered
+from pipeline.synthetic.scenes.rays import RayScene, box, frustum, leaves, merged, placed, tapered
 
 
 def volume(mesh: Mesh) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.modelnet40.parts import (
+from pipeline.synthetic.shapes.parts import (
     HANDLES,
     LEG_STYLES,
     carcass,
@@ -12,7 +12,7 @@ from pcrdiff.data.synthetic.modelnet40.parts import (
     legs,
     mirrored,
 )
-from pcrdiff.data.synthetic.modelnet40.solids import (
+from pipeline.synthetic.shapes.solids import (
     Real,
     Span,
     block,

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.scene import ball, box, frustum, leaves, merged, placed, tapered
+from pipeline.synthetic.scenes.rays import ball, box, frustum, leaves, merged, placed, tapered
 
 Maker = Callable[[np.random.Generator], Mesh]
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from pcrdiff.data.modelnet40 import CATEGORIES, SYMMETRIC, read_items
 from pcrdiff.data.raw import Cloud, Mesh, sample_points
-from pcrdiff.data.synthetic.modelnet40 import MAKERS, make_shape, write_modelnet40
+from pipeline.synthetic.modelnet40 import MAKERS, make_shape, write_modelnet40
 
 T = TypeVar("T")
 TRAIN, TEST, SEED = 2, 1, 5

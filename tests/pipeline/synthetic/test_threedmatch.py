@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from pcrdiff.bindings.open3d import open3d
-from pcrdiff.data.synthetic.threedmatch import write_threedmatch
+from pipeline.synthetic.threedmatch import write_threedmatch
 
 SCENES, FRAGMENTS, FRAMES = 2, 5, 2
 NUMBER = r" ?-?\d\.\d{8}e[+-]\d\d"

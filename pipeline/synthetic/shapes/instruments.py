@@ -3,11 +3,11 @@
 import numpy as np
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.modelnet40.parts import (
+from pipeline.synthetic.shapes.parts import (
     knob,
     legs,
 )
-from pcrdiff.data.synthetic.modelnet40.solids import (
+from pipeline.synthetic.shapes.solids import (
     Real,
     Span,
     block,

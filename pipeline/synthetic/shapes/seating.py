@@ -5,12 +5,12 @@ from itertools import pairwise
 import numpy as np
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.modelnet40.parts import (
+from pipeline.synthetic.shapes.parts import (
     LEG_STYLES,
     arc,
     legs,
 )
-from pcrdiff.data.synthetic.modelnet40.solids import (
+from pipeline.synthetic.shapes.solids import (
     Real,
     Span,
     block,

@@ -6,7 +6,16 @@ import numpy as np
 from jaxtyping import Float64
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.scene import ball, box, frustum, leaves, merged, placed, sheet, tapered
+from pipeline.synthetic.scenes.rays import (
+    ball,
+    box,
+    frustum,
+    leaves,
+    merged,
+    placed,
+    sheet,
+    tapered,
+)
 
 Metres = Float64[np.ndarray, " stations"]
 

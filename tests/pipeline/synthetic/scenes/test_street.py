@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pcrdiff.data.synthetic.scene import RayScene
-from pcrdiff.data.synthetic.street import MATERIALS, sample_road, sample_street
+from pipeline.synthetic.scenes.rays import RayScene
+from pipeline.synthetic.scenes.street import MATERIALS, sample_road, sample_street
 
 LENGTH = 150.0
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from pcrdiff.data.modelnet40 import CATEGORIES, SYMMETRIC
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.modelnet40 import (
+from pcrdiff.loops import Progress, silent
+from pipeline.synthetic.shapes import (
     buildings,
     cabinets,
     electronics,
@@ -19,7 +20,6 @@ from pcrdiff.data.synthetic.modelnet40 import (
     vehicles,
     vessels,
 )
-from pcrdiff.loops import Progress, silent
 
 MAKERS: dict[str, Callable[..., Mesh]] = {
     "airplane": vehicles.airplane,

@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64
 from scipy.spatial import cKDTree
 
-from pcrdiff.data.synthetic.room import KINDS, sample_camera_path, sample_room
-from pcrdiff.data.synthetic.scene import RayScene
 from pcrdiff.loops import Progress, silent
+from pipeline.synthetic.scenes.rays import RayScene
+from pipeline.synthetic.scenes.room import KINDS, sample_camera_path, sample_room
 
 Points = Float64[np.ndarray, "points 3"]
 Pose = Float64[np.ndarray, "4 4"]

@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic import furniture as make
-from pcrdiff.data.synthetic.scene import ball, box, merged, placed
+from pipeline.synthetic.scenes import furniture as make
+from pipeline.synthetic.scenes.rays import ball, box, merged, placed
 
 KINDS = ("kitchen", "office", "bedroom", "lounge", "study", "hotel", "dining", "workshop")
 _AT_THE_WALL: dict[str, tuple[make.Maker, ...]] = {

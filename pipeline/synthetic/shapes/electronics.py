@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.modelnet40.solids import (
+from pipeline.synthetic.shapes.solids import (
     Real,
     Span,
     ball,

@@ -6,12 +6,12 @@ import numpy as np
 from jaxtyping import Float64
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.modelnet40.parts import (
+from pipeline.synthetic.shapes.parts import (
     arc,
     carcass,
     mirrored,
 )
-from pcrdiff.data.synthetic.modelnet40.solids import (
+from pipeline.synthetic.shapes.solids import (
     Real,
     Span,
     ball,

@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.scene import RayScene, merged
-from pcrdiff.data.synthetic.street import MATERIALS, Part, Road, sample_street
 from pcrdiff.loops import Progress, silent
+from pipeline.synthetic.scenes.rays import RayScene, merged
+from pipeline.synthetic.scenes.street import MATERIALS, Part, Road, sample_street
 
 Pose = Float64[np.ndarray, "4 4"]
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.modelnet40.solids import (
+from pipeline.synthetic.shapes.solids import (
     Real,
     Vector,
     ball,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from pcrdiff.data.synthetic.kitti import write_kitti
+from pipeline.synthetic.kitti import write_kitti
 
 SEQUENCES, SCANS = 2, 8
 BEAMS_DEG = np.array([2 - n / 3 for n in range(32)] + [-8.83 - n / 2 for n in range(32)])

@@ -3,12 +3,12 @@
 import numpy as np
 
 from pcrdiff.data.raw import Mesh
-from pcrdiff.data.synthetic.modelnet40.parts import (
+from pipeline.synthetic.shapes.parts import (
     bar_handle,
     knob,
     tap,
 )
-from pcrdiff.data.synthetic.modelnet40.solids import (
+from pipeline.synthetic.shapes.solids import (
     Real,
     Span,
     ball,
