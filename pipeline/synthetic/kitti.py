@@ -1,4 +1,4 @@
-"""A made-up KITTI odometry set: streets scanned by a 64-beam lidar, in the official layout."""
+"""A synthetic KITTI odometry set: streets scanned by a 64-beam lidar, in the official layout."""
 
 from pathlib import Path
 
@@ -7,8 +7,9 @@ from jaxtyping import Float32, Float64
 
 from pcrdiff.data.raw import Mesh
 from pcrdiff.loops import Progress, silent
-from pipeline.synthetic.scenes.rays import RayScene, merged
+from pipeline.synthetic.scenes.rays import RayScene
 from pipeline.synthetic.scenes.street import MATERIALS, Part, Road, sample_street
+from pipeline.synthetic.shapes.solids import join
 
 Pose = Float64[np.ndarray, "4 4"]
 
@@ -103,7 +104,7 @@ def _lidar_pose(road: Road, s: float, left: float, roll: float, pitch: float) ->
 
 def _by_material(parts: list[Part]) -> list[Mesh]:
     """One mesh per entry of ``MATERIALS``, so that a hit names its material."""
-    return [merged([mesh for made_of, mesh in parts if made_of is m]) for m in MATERIALS]
+    return [join(*(mesh for made_of, mesh in parts if made_of is m)) for m in MATERIALS]
 
 
 def _beams() -> Float64[np.ndarray, "rays 3"]:

@@ -1,6 +1,5 @@
-"""A made-up ModelNet40: CAD-like shapes of its 40 categories in the official folders and files."""
+"""A synthetic ModelNet40: CAD-like shapes of its 40 categories in the official folders and files."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -8,68 +7,15 @@ import numpy as np
 from pcrdiff.data.modelnet40 import CATEGORIES, SYMMETRIC
 from pcrdiff.data.raw import Mesh
 from pcrdiff.loops import Progress, silent
-from pipeline.synthetic.shapes import (
-    buildings,
-    cabinets,
-    electronics,
-    fixtures,
-    instruments,
-    plants,
-    seating,
-    tables,
-    vehicles,
-    vessels,
-)
-
-MAKERS: dict[str, Callable[..., Mesh]] = {
-    "airplane": vehicles.airplane,
-    "bathtub": fixtures.bathtub,
-    "bed": seating.bed,
-    "bench": seating.bench,
-    "bookshelf": cabinets.bookshelf,
-    "bottle": vessels.bottle,
-    "bowl": vessels.bowl,
-    "car": vehicles.car,
-    "chair": seating.chair,
-    "cone": vessels.cone,
-    "cup": vessels.cup,
-    "curtain": buildings.curtain,
-    "desk": tables.desk,
-    "door": buildings.door,
-    "dresser": cabinets.dresser,
-    "flower_pot": plants.flower_pot,
-    "glass_box": cabinets.glass_box,
-    "guitar": instruments.guitar,
-    "keyboard": electronics.keyboard,
-    "lamp": vessels.lamp,
-    "laptop": electronics.laptop,
-    "mantel": buildings.mantel,
-    "monitor": electronics.monitor,
-    "night_stand": cabinets.night_stand,
-    "person": vehicles.person,
-    "piano": instruments.piano,
-    "plant": plants.plant,
-    "radio": instruments.radio,
-    "range_hood": fixtures.range_hood,
-    "sink": fixtures.sink,
-    "sofa": seating.sofa,
-    "stairs": buildings.stairs,
-    "stool": seating.stool,
-    "table": tables.table,
-    "tent": buildings.tent,
-    "toilet": fixtures.toilet,
-    "tv_stand": cabinets.tv_stand,
-    "vase": vessels.vase,
-    "wardrobe": cabinets.wardrobe,
-    "xbox": electronics.xbox,
-}
-"""Who makes the shapes of a category: one for each of ``CATEGORIES``."""
+from pipeline.synthetic.draw import Draw
+from pipeline.synthetic.shapes.makers import MAKERS, make
+from pipeline.synthetic.shapes.solids import stretch
 
 _UNITS_PER_METRE = (1.0, 39.37, 100.0, 1000.0)  # metres, inches, centimetres, millimetres
 
 
 def make_shape(category: str, *, generator: np.random.Generator) -> Mesh:
-    """Make up one shape of a category, z up, its front towards -y.
+    """Make one shape of a category, z up, its front towards -y.
 
     As in ModelNet the unit is each category's own, and the origin is somewhere near the shape.
     Unlike there, bowls and vases are oval: a body of revolution has no pose that a method could
@@ -80,9 +26,9 @@ def make_shape(category: str, *, generator: np.random.Generator) -> Mesh:
     """
     if category not in MAKERS:
         raise ValueError(f"make_shape needs a category of ModelNet40, got {category!r}")
-    mesh = MAKERS[category](generator=generator)
+    mesh = make(category, Draw(generator))
     if category in SYMMETRIC:
-        mesh = Mesh(mesh.vertices * [generator.uniform(1.4, 1.7), 1.0, 1.0], mesh.faces)
+        mesh = stretch(mesh, (generator.uniform(1.4, 1.7), 1, 1))
     unit = _UNITS_PER_METRE[CATEGORIES.index(category) % len(_UNITS_PER_METRE)]
     size = unit * generator.uniform(0.8, 1.25)
     offset = size * np.ptp(mesh.vertices, axis=0).max() * generator.uniform(-0.5, 0.5, 3)

@@ -1,4 +1,4 @@
-"""A made-up 3DMatch: furnished rooms seen by a depth camera, in the official layout."""
+"""A synthetic 3DMatch: furnished rooms seen by a depth camera, in the official layout."""
 
 from pathlib import Path
 
@@ -117,8 +117,10 @@ def _depth_image(rays: RayScene, T_room_camera: Pose, generator: np.random.Gener
 def _averaged_by_voxel(points: Points) -> Float64[np.ndarray, "voxels 3"]:
     """One point a voxel, the mean of those in it, ordered by voxel."""
     cells = np.floor(points / VOXEL).astype(np.int64)
-    _, owner, sizes = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    sums = [np.bincount(owner.reshape(-1), points[:, axis]) for axis in range(3)]
+    cells -= cells.min(axis=0)
+    numbers = np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1))
+    _, owner, sizes = np.unique(numbers, return_inverse=True, return_counts=True)
+    sums = [np.bincount(owner, points[:, axis]) for axis in range(3)]
     averages: Float64[np.ndarray, "voxels 3"] = np.column_stack(sums) / sizes[:, None]
     return averages
 
@@ -156,12 +158,9 @@ def _information(matches: Points) -> Float64[np.ndarray, "6 6"]:
     Order: translation, rotation; in the frame of fragment i, as in the official files.
     """
     p = matches[:: -(-len(matches) // MOST_MATCHES)]
-    J = np.zeros((len(p), 3, 6))
-    J[:, :, :3] = np.eye(3)
-    J[:, 0, 4], J[:, 0, 5], J[:, 1, 5] = p[:, 2], -p[:, 1], p[:, 0]
-    J[:, 1, 3], J[:, 2, 3], J[:, 2, 4] = -p[:, 2], p[:, 1], -p[:, 0]
-    flat = J.reshape(-1, 6)
-    information: Float64[np.ndarray, "6 6"] = np.einsum("ni,nj->ij", flat, flat)
+    turns = np.cross(np.eye(3), p[:, None]).transpose(0, 2, 1)  # column k is e_k x p
+    J = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2).reshape(-1, 6)
+    information: Float64[np.ndarray, "6 6"] = J.T @ J
     return information
 
 

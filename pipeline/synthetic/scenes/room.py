@@ -6,32 +6,30 @@ import numpy as np
 from jaxtyping import Float64
 
 from pcrdiff.data.raw import Mesh
-from pipeline.synthetic.scenes import furniture as make
-from pipeline.synthetic.scenes.rays import ball, box, merged, placed
+from pipeline.synthetic.draw import Draw
+from pipeline.synthetic.scenes.rays import RayScene
+from pipeline.synthetic.shapes.cabinets import cabinet
+from pipeline.synthetic.shapes.makers import make
+from pipeline.synthetic.shapes.solids import Row, boxes, join, lathe, place, stretch, turn
 
-KINDS = ("kitchen", "office", "bedroom", "lounge", "study", "hotel", "dining", "workshop")
-_AT_THE_WALL: dict[str, tuple[make.Maker, ...]] = {
-    "kitchen": (make.kitchen_counter, make.fridge, make.kitchen_counter, make.sideboard),
-    "office": (make.desk, make.desk, make.bookshelf, make.wardrobe, make.desk),
-    "bedroom": (make.bed, make.wardrobe, make.nightstand, make.sideboard, make.desk),
-    "lounge": (make.sofa, make.sideboard, make.armchair, make.bookshelf, make.armchair),
-    "study": (make.desk, make.bookshelf, make.bookshelf, make.bookshelf, make.armchair),
-    "hotel": (make.bed, make.nightstand, make.desk, make.wardrobe, make.armchair),
-    "dining": (make.sideboard, make.bookshelf, make.fridge, make.sofa, make.sideboard),
-    "workshop": (make.desk, make.bookshelf, make.kitchen_counter, make.cartons, make.wardrobe),
+_AT_THE_WALL = {
+    "kitchen": ("counter", "fridge", "counter", "dresser"),
+    "office": ("workplace", "workplace", "bookshelf", "wardrobe", "workplace"),
+    "bedroom": ("bed", "wardrobe", "night_stand", "dresser", "workplace"),
+    "lounge": ("sofa", "tv_stand", "sofa", "bookshelf", "piano"),
+    "study": ("workplace", "bookshelf", "bookshelf", "bookshelf", "sofa"),
+    "hotel": ("bed", "night_stand", "workplace", "wardrobe", "bench"),
+    "dining": ("tv_stand", "bookshelf", "fridge", "sofa", "dresser"),
+    "workshop": ("workplace", "bookshelf", "counter", "cartons", "wardrobe"),
 }
-_IN_THE_MIDDLE: dict[str, make.Maker] = {
-    "kitchen": make.dining_table,
-    "office": make.dining_table,
-    "bedroom": make.cartons,
-    "lounge": make.coffee_table,
-    "study": make.coffee_table,
-    "hotel": make.coffee_table,
-    "dining": make.dining_table,
-    "workshop": make.dining_table,
-}
-_SMALL = (make.floor_lamp, *(make.plant, make.cartons, make.waste_bin, make.cartons) * 2)
+KINDS = tuple(_AT_THE_WALL)
+_DINING = ("kitchen", "office", "dining", "workshop")
+"""Kinds with chairs at the table in their middle."""
+_SMALL = ("lamp", *("plant", "cartons", "bin", "cartons") * 2)
+_STREWN = ("bottle", "bowl", "cup", "flower_pot", "laptop", "radio", "vase", "carton", "carton")
 _WALL = 0.2  # thickness
+_WALK, _WAVER = 0.22, 0.04  # the radius of the camera's walk, and how far it strays; in rooms
+_HEADROOM, _ELBOWROOM = 1.1, 0.09  # what is higher, in metres, stays so far off it, in rooms
 
 Rectangle = tuple[float, float, float, float]
 """(x from, y from, x to, y to) on the floor."""
@@ -49,24 +47,100 @@ class Room:
 
 def sample_room(kind: str, *, generator: np.random.Generator) -> Room:
     """Build and furnish one room of a kind out of ``KINDS``; metres."""
-    width, depth = generator.uniform(3.9, 5.2), generator.uniform(3.3, 4.4)
-    height = generator.uniform(2.4, 2.8)
-    parts = [
-        placed(box(width, depth, _WALL), width / 2, depth / 2, -_WALL),
-        placed(box(width, depth, _WALL), width / 2, depth / 2, height),
-    ]
-    door = int(generator.integers(4))
+    draw = Draw(generator)
+    width, depth, height, door = draw(3.9, 5.2), draw(3.3, 4.4), draw(2.4, 2.8), draw.whole(0, 3)
+    floor = (width, depth)
+    parts = [boxes(*((width, depth, _WALL, width / 2, depth / 2, z) for z in (-_WALL, height)))]
     for wall in range(4):
-        mesh = _wall((width, depth)[wall % 2], height, wall == door, generator)
-        parts.append(_at_wall(mesh, wall, 0.0, (width, depth)))
-    taken = [_door_swing(door, (width, depth))]
-    for maker in (_pillar, *_AT_THE_WALL[kind], *_SMALL):
-        piece = _stand(maker(generator), (width, depth), taken, generator)
+        parts.append(_at_wall(_wall(floor[wall % 2], height, wall == door, draw), wall, 0.0, floor))
+    taken = [_footprint(_at_wall(boxes((1, 0.8, 1, 0, 0.4, 0)), door, 0.0, floor))]  # its swing
+    for name in ("chimney", *_AT_THE_WALL[kind], *_SMALL):
+        piece = _stand(_piece(name, draw), floor, taken, draw)
         parts += [] if piece is None else [piece]
-    middle = placed(_IN_THE_MIDDLE[kind](generator), 0.0, -0.7)
-    x, y = generator.uniform(0.42, 0.58) * width, generator.uniform(0.42, 0.58) * depth
-    parts.append(placed(middle, x, y, 0.0, generator.uniform(-np.pi, np.pi)))
-    return Room(kind, width, depth, merged(parts))
+    at = (draw(0.42, 0.58) * width, draw(0.42, 0.58) * depth, 0)
+    parts.append(place(_group(kind, draw), at, draw(-180, 180)))
+    return Room(kind, width, depth, join(*parts))
+
+
+def _piece(name: str, draw: Draw) -> Mesh:
+    """Something that stands at a wall: on z = 0, its back on y = 0, reaching into the room (+y)."""
+    turned = _grounded(turn(_made(name, draw), "z", 180))
+    return place(turned, (0, np.ptp(turned.vertices[:, 1]) / 2, 0))
+
+
+def _made(name: str, draw: Draw) -> Mesh:
+    """A shape of ModelNet40 or one that only rooms have; the front towards -y."""
+    if name in ("counter", "fridge"):
+        return cabinet(name, draw)
+    own = {"bin": _bin, "carton": _carton, "cartons": _cartons, "workplace": _workplace}
+    if name == "chimney":  # it makes even an empty room asymmetric
+        return boxes((draw(0.4, 1.0), draw(0.15, 0.4), 2.8, 0, 0, 0))
+    return own[name](draw) if name in own else make(name, draw)
+
+
+def _grounded(mesh: Mesh) -> Mesh:
+    """The mesh on z = 0, its middle over the origin."""
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    return place(mesh, np.array([*-(low + high)[:2] / 2, -low[2]]))
+
+
+def _on(base: Mesh, thing: Mesh, x: float, y: float, yaw_deg: float) -> Mesh:
+    """A thing on top of whatever of ``base`` is highest at (x, y); ``base`` alone if nothing is."""
+    down = RayScene([base]).cast(np.array([x, y, 9.0]), np.array([[0.0, 0.0, -1.0]]))
+    if not np.isfinite(down.distance[0]):
+        return base
+    return join(base, place(_grounded(thing), (x, y, 9.0 - down.distance[0]), yaw_deg))
+
+
+def _strewn(base: Mesh, count: int, draw: Draw) -> Mesh:
+    """Furniture with small things on it."""
+    low, high = np.quantile(base.vertices[:, :2], (0, 1), axis=0)
+    for _ in range(count):
+        x, y = (low + draw.generator.uniform(0.1, 0.9, 2) * (high - low)).tolist()
+        base = _on(base, _made(draw.pick(_STREWN), draw), x, y, draw(-180, 180))
+    return base
+
+
+def _bin(draw: Draw) -> Mesh:
+    return lathe([(draw(0.1, 0.14), 0), (draw(0.14, 0.18), draw(0.3, 0.6))])
+
+
+def _carton(draw: Draw) -> Mesh:
+    return boxes((draw(0.1, 0.3), draw(0.1, 0.3), draw(0.1, 0.3), 0, 0, 0))
+
+
+def _cartons(draw: Draw) -> Mesh:
+    """Moving boxes, piled up to three high."""
+    pile = boxes((0.4, 0.35, draw(0.25, 0.45), 0, 0, 0))
+    for _ in range(draw.whole(0, 2)):
+        pile = _on(pile, stretch(_carton(draw), (1.5, 1.5, 1.5)), 0.0, 0.0, draw(-25, 25))
+    return pile
+
+
+def _chair(draw: Draw) -> Mesh:
+    """A chair over which a camera can look."""
+    chair = _grounded(make("chair", draw))
+    return stretch(chair, (1, 1, min(1.0, 1.05 / float(chair.vertices[:, 2].max()))))
+
+
+def _workplace(draw: Draw) -> Mesh:
+    """A desk with a monitor, a keyboard, small things and a chair."""
+    desk, x = _grounded(make("desk", draw)), draw(-0.3, 0.3)
+    desk = _on(desk, make("monitor", draw), x, 0.05, draw(-20, 20))
+    desk = _on(desk, make("keyboard", draw), x, -0.2, draw(-6, 6))
+    return join(_strewn(desk, 5, draw), place(_chair(draw), (x, -0.75, 0), draw(120, 240)))
+
+
+def _group(kind: str, draw: Draw) -> Mesh:
+    """What stands in the middle of the room: a laid table, with two to four chairs or without."""
+    table = _grounded(make("table", draw))
+    width, depth = np.ptp(table.vertices[:, :2], axis=0).tolist()
+    group = _strewn(table, 6, draw)
+    seats = [(x * width, side) for x in (-0.25, 0.25) for side in (-1, 1)]
+    for x, side in seats[: draw.whole(2, 4) if kind in _DINING else 0]:
+        at = (x, side * (depth / 2 + draw(0.05, 0.35)), 0)
+        group = join(group, place(_chair(draw), at, 90 - 90 * side + draw(-25, 25)))
+    return group
 
 
 def _at_wall(mesh: Mesh, wall: int, along: float, floor: tuple[float, float]) -> Mesh:
@@ -75,9 +149,8 @@ def _at_wall(mesh: Mesh, wall: int, along: float, floor: tuple[float, float]) ->
     Walls 0 to 3 are the front (y = 0), right, back and left one; +y of the piece points inwards.
     """
     width, depth = floor
-    x, y = ((width / 2, 0.0), (width, depth / 2), (width / 2, depth), (0.0, depth / 2))[wall]
-    yaw = wall * np.pi / 2
-    return placed(mesh, x + along * np.cos(yaw), y + along * np.sin(yaw), 0.0, yaw)
+    x, y = ((width / 2, 0), (width, depth / 2), (width / 2, depth), (0, depth / 2))[wall]
+    return place(place(mesh, (along, 0, 0)), (x, y, 0), 90 * wall)
 
 
 def _footprint(mesh: Mesh) -> Rectangle:
@@ -89,81 +162,63 @@ def _overlap(a: Rectangle, b: Rectangle) -> bool:
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
-def _door_swing(wall: int, floor: tuple[float, float]) -> Rectangle:
-    """The floor before a door, to be kept free."""
-    return _footprint(_at_wall(placed(box(1.0, 0.8, 1.0), 0.0, 0.4), wall, 0.0, floor))
-
-
 def _stand(
-    piece: Mesh, floor: tuple[float, float], taken: list[Rectangle], generator: np.random.Generator
+    piece: Mesh, floor: tuple[float, float], taken: list[Rectangle], draw: Draw
 ) -> Mesh | None:
     """Find the piece a free place at some wall and take it; None where the room is full."""
     half = float(np.abs(piece.vertices[:, 0]).max())
     for _ in range(40):
-        wall = int(generator.integers(4))
+        wall = draw.whole(0, 3)
         reach = floor[wall % 2] / 2 - half - 0.03
         if reach <= 0:
             continue
-        stood = _at_wall(piece, wall, generator.uniform(-reach, reach), floor)
+        stood = _at_wall(piece, wall, draw(-reach, reach), floor)
         footprint = _footprint(stood)
-        if not any(_overlap(footprint, other) for other in taken):
+        if not _in_the_way(stood, floor) and not any(_overlap(footprint, t) for t in taken):
             taken.append(footprint)
             return stood
     return None
 
 
-def _pillar(generator: np.random.Generator) -> Mesh:
-    """A chimney breast: it makes even an empty room asymmetric."""
-    width, depth = generator.uniform(0.4, 1.0), generator.uniform(0.15, 0.4)
-    return placed(box(width, depth, 2.8), 0.0, depth / 2)
+def _in_the_way(piece: Mesh, floor: tuple[float, float]) -> bool:
+    """Whether the camera might touch the piece on its walk round the room."""
+    high = piece.vertices[piece.vertices[:, 2] > _HEADROOM, :2]
+    return bool((np.linalg.norm(high / floor - 0.5, axis=1) < _WALK + _WAVER + _ELBOWROOM).any())
 
 
-def _wall(length: float, height: float, has_door: bool, generator: np.random.Generator) -> Mesh:
+def _wall(length: float, height: float, has_door: bool, draw: Draw) -> Mesh:
     """A wall along x with its inner face on y = 0: a door, or a window over a radiator, pictures."""
     if has_door:
         left, right, low, high = -0.45, 0.45, 0.0, 2.05
-        inside = [
-            placed(box(0.9, 0.04, 2.05), 0.0, -0.1),
-            placed(ball(0.03, 0.03, 0.03), 0.38, -0.06, 1.0),
-        ]
+        rows: list[Row] = [(0.9, 0.04, 2.05, 0, -0.1, 0), (0.06, 0.06, 0.06, 0.38, -0.06, 1.0)]
     else:
-        middle, half = generator.uniform(-0.2, 0.2) * length, generator.uniform(0.4, 0.8)
-        left, right, low, high = middle - half, middle + half, 0.9, generator.uniform(1.9, 2.2)
-        inside = [placed(m, middle, 0.0) for m in _window(half, low, high)]
-    end, back = length / 2 + _WALL, -_WALL / 2
-    masonry = [
-        placed(box(left + end, _WALL, height), (left - end) / 2, back),
-        placed(box(end - right, _WALL, height), (right + end) / 2, back),
-        placed(box(right - left, _WALL, height - high), (left + right) / 2, back, high),
+        middle, half = draw(-0.2, 0.2) * length, draw(0.4, 0.8)
+        left, right, low, high = middle - half, middle + half, 0.9, draw(1.9, 2.2)
+        rows = _window(middle, half, high)
+    end, wide, middle, back = length / 2 + _WALL, right - left, (left + right) / 2, -_WALL / 2
+    rows += [
+        (left + end, _WALL, height, (left - end) / 2, back, 0),
+        (end - right, _WALL, height, (right + end) / 2, back, 0),
+        (wide, _WALL, height - high, middle, back, high),
+        (wide, _WALL, low + 0.01, middle, back, 0),
     ]
-    if low > 0:
-        masonry.append(placed(box(right - left, _WALL, low), (left + right) / 2, back))
-    return merged(masonry + inside + _pictures(length, generator))
+    for side in (-1, 1):  # a picture or a hanging cupboard, clear of the opening
+        thick = 0.05 if draw.chance(0.5) else draw(0.15, 0.3)
+        x = side * (length / 2 - draw(0.35, 0.6))
+        rows.append((draw(0.3, 0.7), thick, draw(0.3, 0.7), x, thick / 2, draw(1.35, 1.7)))
+    return boxes(*rows)
 
 
-def _window(half: float, low: float, high: float) -> list[Mesh]:
-    """Pane, frame, sill and the radiator below, centred in x."""
-    height = high - low
-    posts = [
-        placed(box(0.06, 0.06, height), x, -0.14, low) for x in (-half + 0.03, 0.0, half - 0.03)
+def _window(x: float, half: float, high: float) -> list[Row]:
+    """Pane, sill, frame and the radiator below."""
+    tall = high - 0.9
+    return [
+        (2 * half, 0.02, tall, x, -0.16, 0.9),
+        (2 * half + 0.1, 0.16, 0.03, x, 0.02, 0.87),
+        *((0.06, 0.06, tall, x + at, -0.14, 0.9) for at in (0.03 - half, 0.0, half - 0.03)),
+        *((2 * half, 0.06, 0.06, x, -0.14, z) for z in (0.9, high - 0.06)),
+        *((0.05, 0.09, 0.55, x + at, 0.07, 0.12) for at in np.arange(-0.4, 0.41, 0.08).tolist()),
     ]
-    rails = [placed(box(2 * half, 0.06, 0.06), 0.0, -0.14, z) for z in (low, high - 0.06)]
-    ribs = [placed(box(0.05, 0.09, 0.55), x, 0.07, 0.12) for x in np.arange(-0.4, 0.41, 0.08)]
-    pane = placed(box(2 * half, 0.02, height), 0.0, -0.16, low)
-    sill = placed(box(2 * half + 0.1, 0.16, 0.03), 0.0, 0.02, low - 0.03)
-    return [pane, sill, *posts, *rails, *ribs]
-
-
-def _pictures(length: float, generator: np.random.Generator) -> list[Mesh]:
-    """A picture or a hanging cupboard left and right, clear of the opening in the middle."""
-    parts = []
-    for side in (-1.0, 1.0):
-        width, height = generator.uniform(0.3, 0.7, 2)
-        thickness = 0.05 if generator.random() < 0.5 else generator.uniform(0.15, 0.3)
-        x = side * (length / 2 - generator.uniform(0.35, 0.6))
-        thing = box(width, thickness, height)
-        parts.append(placed(thing, x, thickness / 2, generator.uniform(1.35, 1.7)))
-    return parts
 
 
 def sample_camera_path(
@@ -177,37 +232,26 @@ def sample_camera_path(
     Returns:
         T_room_camera of every frame: x right, y down, z along the line of sight.
     """
-    around = generator.choice([-1.0, 1.0]) * (np.arange(frames) * turn) + generator.uniform(0, 6.28)
-    wave = [
-        np.sin(around * rate + phase)
-        for rate, phase in zip(
-            generator.uniform(0.6, 1.9, 6), generator.uniform(0, 2 * np.pi, 6), strict=True
-        )
-    ]
-    radius = 0.22 + 0.04 * wave[0]
-    position = np.column_stack(
-        [
-            room.width * (0.5 + radius * np.cos(around)),
-            room.depth * (0.5 + radius * np.sin(around)),
-            1.5 + 0.15 * wave[1],
-        ]
-    )
+    draw = Draw(generator)
+    around = draw.pick((-1, 1)) * turn * np.arange(frames) + draw(0, 2 * np.pi)
+    wave = [np.sin(around * draw(0.6, 1.9) + draw(0, 2 * np.pi)) for _ in range(6)]
+    radius = _WALK + _WAVER * wave[0]
+    x = room.width * (0.5 + radius * np.cos(around))
+    y = room.depth * (0.5 + radius * np.sin(around))
     heading = around + np.pi + 0.35 * wave[2] + 0.2 * wave[3]
     pitch, roll = -0.38 + 0.2 * wave[4], 0.08 * wave[5]
-    return np.stack([_look(*view) for view in zip(position, heading, pitch, roll, strict=True)])
+    views = zip(x, y, 1.5 + 0.15 * wave[1], heading, pitch, roll, strict=True)
+    return np.stack([_look(*view) for view in views])
 
 
 def _look(
-    position: Float64[np.ndarray, "3"], heading: float, pitch: float, roll: float
+    x: float, y: float, z: float, heading: float, pitch: float, roll: float
 ) -> Float64[np.ndarray, "4 4"]:
     """The pose of a camera looking along ``heading``, up by ``pitch``, rolled; radians."""
-    forward = np.array(
-        [np.cos(heading) * np.cos(pitch), np.sin(heading) * np.cos(pitch), np.sin(pitch)]
-    )
-    level = np.array([np.sin(heading), -np.cos(heading), 0.0])
-    under = np.cross(forward, level)
-    right = np.cos(roll) * level + np.sin(roll) * under
+    level, up = np.array([np.sin(heading), -np.cos(heading), 0.0]), np.array([0.0, 0.0, 1.0])
+    forward = np.cos(pitch) * np.cross(up, level) + np.sin(pitch) * up
+    right = np.cos(roll) * level + np.sin(roll) * np.cross(forward, level)
     T_room_camera = np.eye(4)
     T_room_camera[:3, :3] = np.column_stack([right, np.cross(forward, right), forward])
-    T_room_camera[:3, 3] = position
+    T_room_camera[:3, 3] = x, y, z
     return T_room_camera

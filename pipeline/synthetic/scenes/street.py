@@ -6,16 +6,20 @@ import numpy as np
 from jaxtyping import Float64
 
 from pcrdiff.data.raw import Mesh
-from pipeline.synthetic.scenes.rays import (
-    ball,
-    box,
-    frustum,
-    leaves,
-    merged,
-    placed,
+from pipeline.synthetic.draw import Draw
+from pipeline.synthetic.shapes.makers import make
+from pipeline.synthetic.shapes.parts import spaced
+from pipeline.synthetic.shapes.solids import (
+    Real,
+    Vector,
+    boxes,
+    join,
+    lathe,
+    place,
+    rod,
     sheet,
-    tapered,
 )
+from pipeline.synthetic.shapes.vehicles import car_parts
 
 Metres = Float64[np.ndarray, " stations"]
 
@@ -50,8 +54,8 @@ MATERIALS = (
 Part = tuple[Material, Mesh]
 
 
-def _set(parts: list[Part], x: float, y: float, z: float = 0.0, yaw: float = 0.0) -> list[Part]:
-    return [(material, placed(mesh, x, y, z, yaw)) for material, mesh in parts]
+def _set(parts: list[Part], at: Vector, yaw_deg: Real = 0) -> list[Part]:
+    return [(material, place(mesh, at, yaw_deg)) for material, mesh in parts]
 
 
 @dataclass(frozen=True)
@@ -74,12 +78,12 @@ class Road:
         )
         return x - left * np.sin(heading), y + left * np.cos(heading), z, heading
 
-    def stand(self, parts: list[Part], s: float, left: float, turn: float = 0.0) -> list[Part]:
+    def stand(self, parts: list[Part], s: float, left: float, turn_deg: Real = 0) -> list[Part]:
         """Put parts beside (or on) the road, on the pavement where there is one."""
         x, y, z, heading = self.at(s, left)
         if abs(left) > self.half_width:
             z += float(np.interp(s, self.s, self.kerb))
-        return _set(parts, x, y, z, heading + turn)
+        return _set(parts, (x, y, z), np.degrees(heading) + turn_deg)
 
 
 def sample_road(length: float, *, generator: np.random.Generator) -> tuple[Road, list[float]]:
@@ -87,24 +91,22 @@ def sample_road(length: float, *, generator: np.random.Generator) -> tuple[Road,
 
     Bends are no tighter than a radius of 45 m, slopes no steeper than 6 %.
     """
-    s = np.arange(0.0, length + 1.0)
+    draw, s = Draw(generator), np.arange(0.0, length + 1.0)
     phase = generator.uniform(0, 2 * np.pi, 4)
-    heading = generator.uniform(0.15, 0.35) * np.sin(2 * np.pi * s / 180 + phase[0])
-    heading += generator.uniform(0.0, 0.1) * np.sin(2 * np.pi * s / 70 + phase[1])
-    height = 0.7 * np.sin(2 * np.pi * s / 140 + phase[2]) + 0.15 * np.sin(s / 8 + phase[3])
-    joins = [float(j) for j in np.arange(generator.uniform(10, 70), length, 75.0)]
-    gaps = np.array([np.abs(s - join) for join in joins] or [np.full_like(s, np.inf)])
-    kerb = 0.13 * np.clip((gaps.min(axis=0) - 5.0) / 2.0, 0.0, 1.0)
+    heading = draw(0.15, 0.35) * np.sin(2 * np.pi * s / 180 + phase[0])
+    heading += draw(0.0, 0.1) * np.sin(2 * np.pi * s / 70 + phase[1])
+    joins = np.arange(draw(10, 70), length, 75.0)
+    gaps = np.abs(s[:, None] - joins).min(axis=1, initial=np.inf)
     road = Road(
         s=s,
         x=np.cumsum(np.cos(heading)),
         y=np.cumsum(np.sin(heading)),
-        z=height,
+        z=0.7 * np.sin(2 * np.pi * s / 140 + phase[2]) + 0.15 * np.sin(s / 8 + phase[3]),
         heading=heading,
-        half_width=generator.uniform(5.0, 6.0),
-        kerb=kerb,
+        half_width=draw(5.0, 6.0),
+        kerb=0.13 * np.clip((gaps - 5.0) / 2.0, 0.0, 1.0),
     )
-    return road, joins
+    return road, joins.tolist()
 
 
 def sample_street(length: float, *, generator: np.random.Generator) -> tuple[Road, list[Part]]:
@@ -113,261 +115,210 @@ def sample_street(length: float, *, generator: np.random.Generator) -> tuple[Roa
     Each street has its own mixture of town, suburb and park.
     """
     road, joins = sample_road(length, generator=generator)
-    parts = _ground(road, generator)
+    draw, parts = Draw(generator), _ground(road, generator)
     mixture = generator.dirichlet([1.2, 1.2, 0.6])
-    for side in (-1.0, 1.0):
-        parts += _frontage(road, joins, side, mixture, generator)
-        parts += _kerbside(road, joins, side, generator)
+    for side in (-1, 1):
+        parts += _frontage(road, joins, side, mixture, draw)
+        parts += _kerbside(road, joins, side, draw)
     return road, parts
 
 
 def _ground(road: Road, generator: np.random.Generator) -> list[Part]:
     """Cambered roadway, kerbs with pavements, and uneven green land to 36 m on either side."""
     half, far = road.half_width, road.half_width + 3.0
+    land = np.array([far, far + 2, far + 5, far + 10, 20, 28, 36])
     strips = (
-        (ASPHALT, np.array([-half, -half / 2, 0.0, half / 2, half])),
+        (ASPHALT, np.linspace(-half, half, 5)),
         (PAVING, np.array([half, half + 0.02, far])),
         (PAVING, np.array([-far, -half - 0.02, -half])),
-        (GRASS, np.array([far, far + 2, far + 5, far + 10, 20, 28, 36])),
-        (GRASS, -np.array([far, far + 2, far + 5, far + 10, 20, 28, 36])[::-1]),
+        (GRASS, land),
+        (GRASS, -land[::-1]),
     )
     return [(material, _strip(road, left, generator)) for material, left in strips]
 
 
 def _strip(road: Road, left: Metres, generator: np.random.Generator) -> Mesh:
     s, across = np.meshgrid(np.arange(len(road.s)), left, indexing="ij")
-    heading = road.heading[s]
+    heading, aside = road.heading[s], np.abs(across)
     camber = 0.05 * (1 - (across / road.half_width) ** 2).clip(0.0)
-    lifted = np.where(np.abs(across) > road.half_width, road.kerb[s], 0.0)
-    rough = 0.03 * generator.standard_normal(s.shape) * (np.abs(across) > road.half_width + 3.5)
-    return sheet(
-        np.stack(
-            [
-                road.x[s] - across * np.sin(heading),
-                road.y[s] + across * np.cos(heading),
-                road.z[s] + camber + lifted + rough,
-            ],
-            axis=-1,
-        )
-    )
+    lifted = np.where(aside > road.half_width, road.kerb[s], 0.0)
+    rough = 0.03 * generator.standard_normal(s.shape) * (aside > road.half_width + 3.5)
+    x, y = road.x[s] - across * np.sin(heading), road.y[s] + across * np.cos(heading)
+    surface = np.stack([x, y, road.z[s] + camber + lifted + rough], axis=-1)
+    return sheet(surface, (0, 0, -0.2))
 
 
 def _frontage(
-    road: Road,
-    joins: list[float],
-    side: float,
-    mixture: Float64[np.ndarray, "3"],
-    generator: np.random.Generator,
+    road: Road, joins: list[float], side: int, mixture: Float64[np.ndarray, "3"], draw: Draw
 ) -> list[Part]:
     """Plot after plot along one side, leaving the side roads open, and a loose row behind."""
-    plots = (_town_house, _garden_house, _park)
-    turn = 0.0 if side > 0 else np.pi  # plots have the street along x, the land towards +y
+    plots, s = (_town_house, _garden_house, _park), 0.0
+    turn_deg = 90 - 90 * side  # plots have the street along x, the land towards +y
     parts: list[Part] = []
     ends = [*(join - 4.5 for join in joins), float(road.s[-1])]
-    s = 0.0
     while ends:
-        length = min(generator.uniform(9.0, 16.0), ends[0] - s)
+        length = min(draw(9.0, 16.0), ends[0] - s)
         if length < 6.0:
             s = ends.pop(0) + 9.0
             continue
-        plot = plots[generator.choice(3, p=mixture)](length, generator)
-        parts += road.stand(plot, s + length / 2, side * (road.half_width + 3.0), turn)
+        plot = plots[draw.generator.choice(3, p=mixture)](length, draw)
+        parts += road.stand(plot, s + length / 2, side * (road.half_width + 3.0), turn_deg)
         s += length
-    for s in np.arange(5.0, road.s[-1], 11.0):
-        behind = (_garden_house, _tree_pair, _tree_pair)[generator.integers(3)](11.0, generator)
-        parts += road.stand(behind, float(s), side * generator.uniform(20.0, 26.0), turn)
+    for s in np.arange(5.0, road.s[-1], 11.0).tolist():
+        behind = draw.pick((_garden_house, _tree_pair, _tree_pair))(11.0, draw)
+        parts += road.stand(behind, s, side * draw(20.0, 26.0), turn_deg)
     return parts
 
 
-def _tree_pair(length: float, generator: np.random.Generator) -> list[Part]:
-    return [
-        part
-        for x in (-length / 4, length / 4)
-        for part in _set(_tree(generator), x, generator.uniform(0.0, 5.0))
-    ]
+def _tree_pair(length: float, draw: Draw) -> list[Part]:
+    trees = [_set(_tree(draw), (x * length, draw(0.0, 5.0), 0)) for x in (-0.25, 0.25)]
+    return trees[0] + trees[1]
 
 
-def _town_house(length: float, generator: np.random.Generator) -> list[Part]:
+def _town_house(length: float, draw: Draw) -> list[Part]:
     """A block of flats: its windows are recesses between piers and floor bands."""
-    floors, setback = int(generator.integers(2, 6)), generator.uniform(0.0, 1.2)
-    storey = generator.uniform(2.9, 3.4)
-    height, depth = floors * storey + 0.6, generator.uniform(8.0, 12.0)
-    wall = PLASTER if generator.random() < 0.6 else BRICK
-    core = placed(box(length, depth, height), 0.0, depth / 2 + 0.3)
-    axes = int(length // generator.uniform(2.2, 3.0))
-    spacing, pane = length / axes, generator.uniform(1.0, 1.4)
-    masonry, panes = [core], []
-    for axis in range(axes + 1):
-        pier = box(spacing - pane, 0.3, height)
-        masonry.append(placed(pier, axis * spacing - length / 2, 0.15))
-    for floor in range(floors + 1):
-        band = box(length, 0.28, 1.1 if floor else 0.7)
-        masonry.append(placed(band, 0.0, 0.16, max(floor * storey - 0.2, 0.0)))
-    for floor in range(floors):
-        z = max(floor * storey + 0.9, 0.7)
-        for axis in range(axes):
-            x = (axis + 0.5) * spacing - length / 2
-            panes.append(placed(box(pane, 0.04, storey - 1.1), x, 0.27, z))
-            if floor and generator.random() < 0.15:
-                masonry.append(placed(box(pane + 0.8, 1.0, 1.1), x, -0.5, z - 1.1))
-    door = placed(box(1.3, 0.1, 2.3), generator.uniform(-0.3, 0.3) * length, -0.02)
-    masonry.append(placed(box(length + 0.3, depth + 0.6, 0.3), 0.0, depth / 2, height))
-    return _set([(wall, merged(masonry)), (GLASS, merged(panes)), (BARK, door)], 0.0, setback)
+    floors, storey, pane, depth = draw.whole(2, 5), draw(2.9, 3.4), draw(1.0, 1.4), draw(8.0, 12.0)
+    height, axes = floors * storey + 0.6, int(length // draw(2.2, 3.0))
+    x = np.linspace(-length / 2, length / 2, 2 * axes + 1).tolist()  # piers, windows in between
+    levels = [max(floor * storey - 0.2, 0.0) for floor in range(floors + 1)]
+    windows = [(at, z + 1.1) for z in levels[:-1] for at in x[1::2]]
+    masonry = [
+        (length, depth, height, 0, depth / 2 + 0.3, 0),
+        (length + 0.3, depth + 0.6, 0.3, 0, depth / 2, height),
+        *((length / axes - pane, 0.3, height, at, 0.15, 0) for at in x[::2]),
+        *((length, 0.28, 1.1, 0, 0.16, z) for z in levels),
+        *(
+            (pane + 0.8, 1, 1.1, at, -0.5, z - 1.1)
+            for at, z in windows
+            if z > 2 and draw.chance(0.15)
+        ),
+    ]
+    parts = [
+        (draw.pick((PLASTER, PLASTER, BRICK)), boxes(*masonry)),
+        (GLASS, boxes(*((pane, 0.04, storey - 1.1, at, 0.27, z) for at, z in windows))),
+        (BARK, boxes((1.3, 0.1, 2.3, draw(-0.3, 0.3) * length, -0.02, 0))),
+    ]
+    return _set(parts, (0, draw(0.0, 1.2), 0))
 
 
-def _garden_house(length: float, generator: np.random.Generator) -> list[Part]:
+def _garden_house(length: float, draw: Draw) -> list[Part]:
     """A gabled house behind a fence or hedge, with a tree and bushes in its garden."""
-    width, depth = length * generator.uniform(0.55, 0.75), generator.uniform(7.0, 9.0)
-    eaves, setback = generator.uniform(3.0, 5.5), generator.uniform(3.0, 6.0)
-    ridge = eaves + generator.uniform(2.0, 3.5)
-    roof = tapered((width + 0.8, depth + 1.0), (width + 0.8, 0.1), ridge - eaves)
-    walls = [placed(box(width, depth, eaves), 0.0, depth / 2)]
-    walls.append(placed(box(0.7, 0.7, ridge - 1), width / 4, depth * 0.6, 1.5))
-    walls.append(placed(box(2.0, 1.4, 2.5), generator.uniform(-0.2, 0.2) * width, -0.6))
+    width, depth, eaves = length * draw(0.55, 0.75), draw(7.0, 9.0), draw(3.0, 5.5)
+    rise, setback = draw(2.0, 3.5), draw(3.0, 6.0)
     panes = [
-        placed(box(1.2, 0.08, 1.2), x * width, -0.03, z)
+        (1.2, 0.08, 1.2, x * width, -0.03, z)
         for x in (-0.35, 0.35)
-        for z in np.arange(1.0, eaves - 1.2, 2.7)
+        for z in np.arange(1.0, eaves - 1.2, 2.7).tolist()
     ]
-    parts: list[Part] = [
-        (PLASTER, merged(walls)),
-        (BRICK, placed(roof, 0.0, depth / 2, eaves)),
-        (GLASS, merged(panes)),
+    walls = boxes(
+        (width, depth, eaves, 0, depth / 2, 0),
+        (0.7, 0.7, eaves + rise - 1, width / 4, 0.6 * depth, 1.5),
+        (2.0, 1.4, 2.5, draw(-0.2, 0.2) * width, -0.6, 0),
+    )
+    roof = boxes((width + 0.8, depth + 1, rise, 0, depth / 2, eaves), taper=(1, 0.02))
+    house = [(PLASTER, walls), (BRICK, roof), (GLASS, boxes(*panes))]
+    border = _fence if draw.chance(0.6) else _hedge
+    return [
+        *_set(house, (draw(-0.1, 0.1) * length, setback, 0)),
+        *border(0.75 * length, draw),
+        *_set(_bush(draw), (draw(-0.4, 0.4) * length, draw(1.2, setback - 1), 0)),
+        *_set(_tree(draw), (draw(-0.45, 0.45) * length, setback - 1.2, 0)),
     ]
-    parts = _set(parts, generator.uniform(-0.1, 0.1) * length, setback)
-    border = _fence if generator.random() < 0.6 else _hedge
-    parts += border(length * 0.75, generator)
-    x, y = generator.uniform(-0.4, 0.4) * length, generator.uniform(1.2, setback - 1)
-    parts += _set(_bush(generator), x, y)
-    return parts + _set(_tree(generator), generator.uniform(-0.45, 0.45) * length, setback - 1.2)
 
 
-def _park(length: float, generator: np.random.Generator) -> list[Part]:
+def _park(length: float, draw: Draw) -> list[Part]:
     """Trees and bushes on open ground, sometimes behind a fence."""
-    parts = _fence(length, generator) if generator.random() < 0.4 else []
-    for maker, count in ((_tree, 5), (_bush, 6)):
-        for _ in range(count):
-            x, y = generator.uniform(-0.5, 0.5) * length, generator.uniform(1.0, 16.0)
-            parts += _set(maker(generator), x, y)
+    parts = _fence(length, draw) if draw.chance(0.4) else []
+    for maker in (*(_tree,) * 5, *(_bush,) * 6):
+        parts += _set(maker(draw), (draw(-0.5, 0.5) * length, draw(1.0, 16.0), 0))
     return parts
 
 
-def _fence(length: float, generator: np.random.Generator) -> list[Part]:
-    height = generator.uniform(0.9, 1.4)
-    pales = [
-        placed(box(0.09, 0.03, height), x, 0.1) for x in np.arange(-length / 2, length / 2, 0.22)
-    ]
-    rails = [placed(box(length, 0.05, 0.08), 0.0, 0.14, height * z) for z in (0.25, 0.8)]
-    return [(BARK, merged(pales + rails))]
+def _fence(length: float, draw: Draw) -> list[Part]:
+    height, end = draw(0.9, 1.4), length / 2
+    pales = [(0.09, 0.03, height, x, 0.1, 0) for x in np.arange(-end, end, 0.22).tolist()]
+    rails = [(length, 0.05, 0.08, 0, 0.14, height * z) for z in (0.25, 0.8)]
+    return [(BARK, boxes(*pales, *rails))]
 
 
-def _hedge(length: float, generator: np.random.Generator) -> list[Part]:
-    height = generator.uniform(1.0, 1.8)
+def _hedge(length: float, draw: Draw) -> list[Part]:
+    height, count = draw(1.0, 1.8), int(length / 1.1) + 1
     crowns = [
-        placed(leaves((0.9, 0.5, height / 2), 160, 0.16, generator=generator), x, 0.6)
-        for x in np.arange(-length / 2, length / 2, 1.1)
+        place(foliage((0.9, 0.5, height / 2), 160, 0.16, generator=draw.generator), (x, 0.6, 0))
+        for x in spaced(-length / 2, length / 2, count)
     ]
-    return [(LEAF, merged(crowns)), (LEAF, placed(box(length, 0.4, height * 0.8), 0.0, 0.6))]
+    return [(LEAF, join(*crowns, boxes((length, 0.4, 0.8 * height, 0, 0.6, 0))))]
 
 
-def _tree(generator: np.random.Generator) -> list[Part]:
-    stem, radius = generator.uniform(2.0, 3.2), generator.uniform(1.5, 2.8)
-    height = generator.uniform(1.8, 3.2)
-    crown = leaves((radius, radius, height), int(180 * radius), 0.3, generator=generator)
-    thick = generator.uniform(0.12, 0.25)
-    trunk = frustum(thick, thick * 0.5, stem + height, sides=8)
-    return [(BARK, trunk), (LEAF, placed(crown, 0.0, 0.0, stem))]
+def _tree(draw: Draw) -> list[Part]:
+    stem, radius, height, thick = draw(2.0, 3.2), draw(1.5, 2.8), draw(1.8, 3.2), draw(0.12, 0.25)
+    crown = foliage((radius, radius, height), int(180 * radius), 0.3, generator=draw.generator)
+    trunk = lathe([(thick, 0), (thick / 2, stem + height)], sides=8)
+    return [(BARK, trunk), (LEAF, place(crown, (0, 0, stem)))]
 
 
-def _bush(generator: np.random.Generator) -> list[Part]:
-    radii = tuple(generator.uniform(0.5, 1.1, 3))
-    return [(LEAF, leaves((radii[0], radii[1], radii[2]), 220, 0.16, generator=generator))]
+def _bush(draw: Draw) -> list[Part]:
+    radii = (draw(0.5, 1.1), draw(0.5, 1.1), draw(0.5, 1.1))
+    return [(LEAF, foliage(radii, 220, 0.16, generator=draw.generator))]
 
 
-def _kerbside(
-    road: Road, joins: list[float], side: float, generator: np.random.Generator
-) -> list[Part]:
+def foliage(
+    radii: tuple[Real, Real, Real], count: int, size: float, *, generator: np.random.Generator
+) -> Mesh:
+    """Leaves: ``count`` loose triangles of about ``size`` in an ellipsoid standing on z = 0.
+
+    Rays find their way between the leaves, as they do in a real tree.
+    """
+    directions = generator.standard_normal((count, 3))
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    depth = generator.uniform(0.25, 1.0, (count, 1)) ** 0.5  # leaves sit near the outside
+    centres = directions * depth * radii + [0.0, 0.0, radii[2]]
+    corners = centres[:, None] + size * generator.standard_normal((count, 3, 3)) / 2
+    faces = np.arange(3 * count, dtype=np.int64).reshape(count, 3)
+    return Mesh(corners.reshape(-1, 3), faces)
+
+
+def _kerbside(road: Road, joins: list[float], side: int, draw: Draw) -> list[Part]:
     """Parked cars, street trees, lamp posts, signs, bins and people along one side."""
     parts: list[Part] = []
-    occupied, planted = generator.uniform(0.3, 0.85), generator.uniform(0.1, 0.8)
-    for s in np.arange(3.0, road.s[-1] - 3.0, 6.2):
+    occupied, planted = draw(0.3, 0.85), draw(0.1, 0.8)
+    for s in np.arange(3.0, road.s[-1] - 3.0, 6.2).tolist():
         if any(abs(s - join) < 8.0 for join in joins):
             continue
-        if generator.random() < occupied:
-            left = side * (road.half_width - generator.uniform(1.0, 1.25))
-            turn = generator.uniform(-0.04, 0.04) + (0.0 if side < 0 else np.pi)
-            parts += road.stand(_car(generator), s + generator.uniform(-0.6, 0.6), left, turn)
-        if generator.random() < planted * 0.6:
-            parts += road.stand(_tree(generator), s + 3.0, side * (road.half_width + 0.8))
-        thing = (_lamp_post, _sign, _bin, _person)[generator.integers(4)]
-        left = side * (road.half_width + generator.uniform(0.5, 2.3))
-        if generator.random() < 0.55:
-            parts += road.stand(thing(generator), s + 1.5, left, side * np.pi / 2)
+        if draw.chance(occupied):
+            left, turn_deg = side * (road.half_width - draw(0.9, 1.1)), draw(-2, 2) - 90 * side
+            parts += road.stand(_car(draw), s + draw(-0.6, 0.6), left, turn_deg)
+        if draw.chance(0.6 * planted):
+            parts += road.stand(_tree(draw), s + 3.0, side * (road.half_width + 0.8))
+        thing, left = draw.pick((_lamp_post, _sign, _bin, _person)), draw(0.5, 2.3)
+        if draw.chance(0.55):
+            parts += road.stand(thing(draw), s + 1.5, side * (road.half_width + left), 90 * side)
     return parts
 
 
-def _car(generator: np.random.Generator) -> list[Part]:
-    """A parked car or van facing +x: body, bonnet, cabin with windows, wheels, mirrors."""
-    van = generator.random() < 0.2
-    length, width = generator.uniform(3.9, 4.8) + 0.5 * van, generator.uniform(1.68, 1.85)
-    belt, roof = generator.uniform(0.85, 0.95), 2.0 if van else generator.uniform(1.42, 1.6)
-    cabin, shift = (0.88, -0.05) if van else (generator.uniform(0.55, 0.68), -0.07)
-    lower = tapered((length, width * 0.94), (length * 0.98, width), belt * 0.55)
-    upper = tapered((length * 0.98, width), (length * 0.93, width * 0.94), belt * 0.32)
-    glass = tapered(
-        (length * cabin, width * 0.9), (length * cabin * 0.72, width * 0.74), roof - belt - 0.04
-    )
-    top = box(length * cabin * 0.72, width * 0.74, 0.05)
-    pillars = [
-        placed(box(0.12, width * 0.86, roof - belt - 0.1), length * (shift + x), 0.0, belt - 0.05)
-        for x in (-0.15, 0.08)
-    ]
-    mirrors = [placed(box(0.12, 0.2, 0.14), length * 0.17, y * width * 0.55, belt) for y in (-1, 1)]
-    body = [
-        placed(lower, 0.0, 0.0, 0.2),
-        placed(upper, 0.0, 0.0, 0.2 + belt * 0.55),
-        placed(top, length * shift, 0.0, roof - 0.05),
-        *pillars,
-        *mirrors,
-    ]
-    wheels = [
-        placed(_wheel(), x * length, y * width * 0.46) for x in (-0.31, 0.31) for y in (-1, 1)
-    ]
-    return [
-        (PAINT, merged(body)),
-        (GLASS, placed(glass, length * shift, 0.0, belt)),
-        (RUBBER, merged(wheels)),
-        (SIGN, placed(box(0.02, 0.5, 0.11), -length / 2 - 0.01, 0.0, 0.45)),
-    ]
+def _car(draw: Draw) -> list[Part]:
+    """A car with its number plate behind; its front to -y."""
+    body, windows, wheels = car_parts(draw)
+    plate = boxes((0.5, 0.02, 0.11, 0, float(body.vertices[:, 1].max()) + 0.01, 0.45))
+    return [(PAINT, body), (GLASS, windows), (RUBBER, wheels), (SIGN, plate)]
 
 
-def _wheel() -> Mesh:
-    disc = frustum(0.32, 0.32, 0.2).vertices[:, [0, 2, 1]] + [0.0, -0.1, 0.32]
-    return Mesh(disc, frustum(0.32, 0.32, 0.2).faces)
+def _lamp_post(draw: Draw) -> list[Part]:
+    height = draw(5.0, 8.0)
+    post = lathe([(0.1, 0), (0.06, height)], sides=8)
+    return [(METAL, join(post, boxes((1.4, 0.12, 0.12, -0.6, 0, height))))]
 
 
-def _lamp_post(generator: np.random.Generator) -> list[Part]:
-    height = generator.uniform(5.0, 8.0)
-    arm = placed(box(1.4, 0.12, 0.12), -0.6, 0.0, height)
-    return [(METAL, merged([frustum(0.1, 0.06, height, sides=8), arm]))]
+def _sign(draw: Draw) -> list[Part]:
+    """A sign; its plate faces along the road, for the part's x axis points across it."""
+    height, (wide, tall) = draw(1.9, 2.4), draw.pick(((0.6, 0.6), (0.9, 0.35)))
+    post = rod((0, 0, 0), (0, 0, height + 0.6), 0.035)
+    return [(METAL, post), (SIGN, boxes((wide, 0.03, tall, 0, 0.05, height)))]
 
 
-def _sign(generator: np.random.Generator) -> list[Part]:
-    height = generator.uniform(1.9, 2.4)
-    # The plate faces along the road; the part's x axis points across it.
-    plate = box(0.6, 0.03, 0.6) if generator.random() < 0.6 else box(0.9, 0.03, 0.35)
-    post = frustum(0.035, 0.035, height + 0.6, sides=6)
-    return [(METAL, post), (SIGN, placed(plate, 0.0, 0.05, height))]
+def _bin(draw: Draw) -> list[Part]:
+    return [(RUBBER, boxes((0.55, 0.6, draw(0.9, 1.2), 0, 0, 0)))]
 
 
-def _bin(generator: np.random.Generator) -> list[Part]:
-    return [(RUBBER, box(0.55, 0.6, generator.uniform(0.9, 1.2)))]
-
-
-def _person(generator: np.random.Generator) -> list[Part]:
-    height = generator.uniform(1.5, 1.9)
-    stride = generator.uniform(0.1, 0.25)
-    limbs = [placed(frustum(0.07, 0.1, height * 0.48, 8), 0.0, y * stride) for y in (-1, 1)]
-    torso = placed(ball(0.24, 0.16, height * 0.2), 0.0, 0.0, height * 0.45)
-    head = placed(ball(0.11, 0.11, 0.13), 0.0, 0.0, height - 0.26)
-    return [(LEAF, merged([*limbs, torso, head]))]
+def _person(draw: Draw) -> list[Part]:
+    return [(LEAF, make("person", draw))]

@@ -1,227 +1,219 @@
-"""Made-up things with a processor: keyboard, laptop, monitor, xbox."""
+"""Things with keys, strings or a screen: guitar, keyboard, laptop, monitor, piano, radio, xbox."""
 
 import numpy as np
-from jaxtyping import Float64
 
 from pcrdiff.data.raw import Mesh
+from pipeline.synthetic.draw import Draw
+from pipeline.synthetic.shapes.parts import knob, stand
 from pipeline.synthetic.shapes.solids import (
-    Real,
-    Span,
-    ball,
-    block,
+    arc,
+    both_sides,
+    boxes,
     cushion,
     disc,
     join,
-    move,
-    oval,
+    lathe,
+    loft,
+    place,
     rod,
-    skin,
-    stretch,
+    slab,
+    smooth,
     tube,
     turn,
 )
 
+SPACE_ROW = ((0, 1.5), (1.5, 1.5), (3.2, 6.3), (9.7, 1.3), (12, 1), (13, 1), (14, 1))
+"""The keys of the row in front: left edge and width, in keys."""
+SHIFTS = (0.5, 0.75, 0.25, 0, 0)
+"""By how much the rows behind it stand to the right, in keys."""
 
-def keyboard(*, generator: np.random.Generator) -> Mesh:
+
+def keyboard(draw: Draw) -> Mesh:
     """A keyboard: a sloped board, rows of keys, space bar, arrows, a pad of numbers or not."""
-    draw = generator.uniform
-    pitch, rows = draw(0.017, 0.02), int(generator.integers(5, 7))
-    pad = int(generator.integers(0, 5))
-    key, rise = draw(0.004, 0.011), draw(2, 9)
-    width, depth = (15 + (pad + 0.6 if pad else 0)) * pitch, rows * pitch
-    parts = [
-        cushion(
-            (-0.5 * pitch, width + 0.5 * pitch), (-0.5 * pitch, depth + 0.6 * pitch), (-0.014, 0), 9
-        )
+    rows, pad, high, size = draw.whole(5, 6), draw.whole(0, 4), draw(0.004, 0.011), 0.0185
+    keys = [(0.0, left, wide) for left, wide in SPACE_ROW]
+    for row, shift in enumerate(SHIFTS[: rows - 1], start=1):
+        keys += [(row, shift + n, 1) for n in range(13 + (row > 2))]
+        keys += [(row, 15.6 + n, 1) for n in range(pad)]
+    width, depth, gap = (15 + (pad + 0.6 if pad else 0)) * size, rows * size, 0.0024
+    blocks = [
+        (wide * size - gap, size - gap, high, (left + wide / 2) * size, (row + 0.5) * size, 0)
+        for row, left, wide in keys
     ]
-    for row in range(1, rows):
-        shift = (0.5, 0.75, 0.25, 0, 0)[row - 1]
-        keys = (np.arange(13 + int(row > 2)) + shift).tolist()
-        keys += (15.6 + np.arange(pad)).tolist()
-        parts += [
-            _key((at * pitch, (at + 1) * pitch), (row * pitch, (row + 1) * pitch), key)
-            for at in keys
-        ]
-    for left, right in ((0, 1.5), (1.5, 3), (3.2, 9.5), (9.7, 11), (12, 13), (13, 14), (14, 15)):
-        parts.append(_key((left * pitch, right * pitch), (0, pitch), key))
-    if pad:
-        parts.append(_key((15.6 * pitch, 17.6 * pitch), (0, pitch), key))
-    if generator.random() < 0.35:
-        rest = draw(0.05, 0.08)
-        parts.append(
-            cushion((-0.5 * pitch, width), (-0.5 * pitch - rest, -0.5 * pitch), (-0.014, -0.002), 7)
-        )
-    parts += [
-        block((at * width, at * width + 0.03), (depth - 0.01, depth), (-0.03, -0.014))
-        for at in (0.1, 0.85)
-    ]
-    return turn(join(*parts), "x", rise)
+    made = join(
+        cushion((width + 0.02, depth + 0.02, 0.014), (width / 2, depth / 2, -0.014), 9),
+        boxes(*blocks, taper=(0.8, 0.8)),
+        boxes(*((0.03, 0.01, 0.016, at * width, depth, -0.03) for at in (0.1, 0.85))),
+        *draw.maybe(0.35, cushion((width, 0.065, 0.012), (width / 2, -0.04, -0.014), 7)),
+    )
+    return turn(made, "x", draw(2, 9))
 
 
-def _key(x: Span, y: Span, height: Real) -> Mesh:
-    gap = 0.0012
-    return block((x[0] + gap, x[1] - gap), (y[0] + gap, y[1] - gap), (0, height), taper=0.8)
-
-
-def laptop(*, generator: np.random.Generator) -> Mesh:
+def laptop(draw: Draw) -> Mesh:
     """A laptop, opened: keys, touch pad, hinges, screen."""
-    draw = generator.uniform
-    width, depth, thick = draw(0.29, 0.4), draw(0.2, 0.27), draw(0.012, 0.028)
-    x, columns, rows = (-width / 2, width / 2), int(generator.integers(11, 15)), 5
-    far, near = draw(0.85, 0.9) * depth, draw(0.4, 0.46) * depth
-    across, along = 0.9 * width / columns, (far - near) / rows
-    base = cushion(x, (0, depth), (0, thick), 10)
+    columns, thick, near = draw.whole(11, 14), draw(0.012, 0.028), draw(0.095, 0.11)
+    wide, deep = 0.31 / columns, (0.205 - near) / 5
     keys = [
-        _key(
-            (x[0] + 0.05 * width + c * across, x[0] + 0.05 * width + (c + 1) * across),
-            (near + r * along, near + (r + 1) * along),
+        (
+            wide - 0.0024,
+            deep - 0.0024,
             0.004,
+            (n + 0.5) * wide - 0.155,
+            near + (row + 0.5) * deep,
+            thick,
         )
-        for r in range(rows)
-        for c in range(columns)
-        if not (r == 0 and 3 <= c < 8)
+        for row in range(5)
+        for n in range(columns)
+        if row or not 3 <= n < 8
     ]
-    space = _key(
-        (x[0] + 0.05 * width + 3 * across, x[0] + 0.05 * width + 8 * across),
-        (near, near + along),
-        0.004,
+    bar = (5 * wide, deep - 0.0024, 0.004, 5.5 * wide - 0.155, near + 0.5 * deep, thick)
+    screen = boxes((0.345, 0.008, 0.235, 0, 0.004, 0), (0.325, 0.002, 0.21, 0, -0.001, 0.015))
+    return join(
+        cushion((0.345, 0.235, thick), (0, 0.118, 0), 10),
+        boxes(*keys, bar, taper=(0.8, 0.8)),
+        boxes((0.1, 0.065, 0.002, -0.003, 0.048, thick)),
+        place(turn(screen, "x", -draw(-5, 45)), (0, 0.235, thick)),
+        both_sides(rod((0.14, 0.235, thick), (0.09, 0.235, thick), 0.007)),
     )
-    board = move(join(space, *keys), (0, 0, thick))
-    pad = block((-0.16 * width, 0.14 * width), (0.06 * depth, 0.34 * depth), (thick, thick + 0.002))
-    lid_thick = draw(0.005, 0.012)
-    lid = join(
-        block(x, (depth, depth + lid_thick), (thick, thick + depth)),
-        block(
-            (x[0] + 0.01, x[1] - 0.01),
-            (depth - 0.002, depth),
-            (thick + 0.015, thick + depth - 0.01),
-        ),
-        disc((0, depth + lid_thick, thick + 0.5 * depth), "y", 0.02, 0.004, 12),
-    )
-    lid = turn(lid, "x", -draw(-5, 45), about=(0, depth, thick))
-    hinges = [
-        rod((at, depth, thick), (at + 0.05, depth, thick), 0.007)
-        for at in (x[0] + 0.03, x[1] - 0.08)
-    ]
-    ports = [
-        block((x[0] - 0.004, x[0]), (y * depth, y * depth + 0.015), (0.3 * thick, 0.8 * thick))
-        for y in (0.4, 0.6, 0.8)
-    ]
-    return join(base, board, pad, lid, *hinges, *ports)
 
 
-def monitor(*, generator: np.random.Generator) -> Mesh:
+def monitor(draw: Draw) -> Mesh:
     """A monitor: a flat screen on a foot, or a deep tube; bezel, buttons, plugs."""
-    draw = generator.uniform
-    width = draw(0.4, 0.75)
-    height, lift, bezel = width * draw(0.5, 0.8), draw(0.06, 0.16), draw(0.01, 0.03)
-    x, z = (-width / 2, width / 2), (lift, lift + height)
-    deep = draw(0.25, 0.4) if generator.random() < 0.3 else draw(0.03, 0.08)
-    screen = [
-        block(x, (-0.02, 0.01), z),
-        skin(_back_rings(width, height, deep, lift + height / 2)),
-        block((x[0], x[1]), (-0.03, -0.02), (z[0], z[0] + 1.6 * bezel)),
-        block((x[0], x[1]), (-0.03, -0.02), (z[1] - bezel, z[1])),
-        *(block(side, (-0.03, -0.02), z) for side in ((x[0], x[0] + bezel), (x[1] - bezel, x[1]))),
-        *(
-            disc((x[1] - 0.05 - 0.03 * k, -0.03, z[0] + bezel), "y", 0.008, 0.008, 8)
-            for k in range(3)
-        ),
-        *(
-            block(
-                (0.1 * width, 0.14 * width),
-                (deep, deep + 0.02),
-                (z[0] + s * height, z[0] + s * height + 0.02),
-            )
-            for s in (0.3, 0.4)
-        ),
+    lift, y, tall = draw(0.06, 0.16), draw(0.04, 0.09), draw(0.29, 0.46)
+    deep = draw.pick((draw(0.25, 0.4), draw(0.03, 0.08), draw(0.03, 0.08)))
+    shell = [(0.96, 0.01), (0.9, 0.4 * deep), (0.5, deep)]
+    casing = loft([(0.58 * s, tall * s, 0, -tall / 2, back) for s, back in shell], 8, 20)
+    rows = [
+        (0.58, 0.03, tall, 0, -0.005, 0),
+        *((0.58, 0.01, high, 0, -0.025, z) for high, z in ((0.03, 0), (0.02, tall - 0.02))),
+        *((0.02, 0.01, tall, x, -0.025, 0) for x in (-0.28, 0.28)),
+        *((0.023, 0.02, 0.02, 0.07, deep + 0.01, z * tall) for z in (0.3, 0.4)),
     ]
-    tilted = turn(join(*screen), "x", -draw(-2, 12), about=(0, 0, lift))
-    style, back = int(generator.integers(3)), draw(0.02, 0.07)
-    neck = rod((0, back + 0.03, 0.01), (0, 0.03, lift + 0.3 * height), draw(0.02, 0.04))
-    if style == 0:
-        foot = stretch(disc((0, 0, 0), "z", 1, 1, 24), (0.3 * width, draw(0.1, 0.14), 0.02))
-    elif style == 1:
-        foot = block((-0.25 * width, 0.25 * width), (-0.1, 0.1), (-0.01, 0.01))
-    else:
-        foot = join(*(rod((0, 0, 0.01), (s * 0.35 * width, -0.14, 0), 0.015) for s in (-1, 1)))
-    return join(tilted, neck, move(foot, (0, back + 0.02, 0)))
-
-
-def _back_rings(
-    width: Real, height: Real, deep: Real, middle: Real
-) -> Float64[np.ndarray, "3 20 3"]:
-    rings = [oval((0, 0, 0), s * width, s * height, 8, 20) for s in (0.96, 0.9, 0.5)]
-    stood = [
-        np.column_stack([r[:, 0], np.full(20, y), r[:, 1] + middle])
-        for r, y in zip(rings, (0.01, 0.4 * deep, deep), strict=True)
-    ]
-    return np.stack(stood)
-
-
-def xbox(*, generator: np.random.Generator) -> Mesh:
-    """A game console, lying or standing, with disc slot, vents, plugs; its controller in front."""
-    draw = generator.uniform
-    width, depth, height = draw(0.26, 0.34), draw(0.22, 0.3), draw(0.05, 0.09)
-    x, y = (-width / 2, width / 2), (-depth / 2, depth / 2)
-    front = y[0]
-    style = int(generator.integers(3))
-    waist = (1.0, 0.9, 0.95)[style]
-    rows = [(0.98, 0.0), (1.0, 0.1), (waist, 0.5), (1.0, 0.9), (0.98, 1.0)]
-    rings = [oval((0, 0, h * height), s * width, s * depth, (9, 5, 12)[style], 28) for s, h in rows]
-    slots = [
-        block(
-            (x[0] + 0.03 + 0.03 * k, x[0] + 0.04 + 0.03 * k),
-            (0.1 * depth, 0.4 * depth),
-            (height, height + 0.006),
-        )
-        for k in range(4)
-    ]
-    console = [
-        skin(np.stack(rings)),
-        block(
-            (x[0] + 0.04, 0.1 * width), (front - 0.004, front + 0.03), (0.6 * height, 0.7 * height)
-        ),
-        disc((0.36 * width, front, 0.5 * height), "y", 0.02, 0.012, 16),
-        *(
-            block(
-                (0.15 * width + 0.03 * k, 0.2 * width + 0.03 * k),
-                (front - 0.003, front + 0.03),
-                (0.2 * height, 0.3 * height),
-            )
-            for k in (-2, -1, 0)
-        ),
-        *(
-            block((at, at + 0.02), (y[1] - 0.01, y[1] + 0.006), (0.3 * height, 0.6 * height))
-            for at in (-0.1, -0.06, 0.02)
-        ),
-        *slots,
-    ]
-    if style != 1:
-        console.append(disc((0.15 * width, -0.1 * depth, height), "z", 0.05, 0.012, 20))
-    made = join(*console)
-    if generator.random() < 0.35:
-        made = turn(made, "y", -90, about=(0, 0, 0))
-    pad = move(
-        turn(_controller(draw(0.9, 1.2)), "z", draw(-40, 40)),
-        (draw(-0.1, 0.12), front - draw(0.1, 0.16), -0.0),
+    buttons = [disc("y", 0.008, 0.008, (x, -0.03, 0.02), 8) for x in (0.18, 0.21, 0.24)]
+    screen = turn(join(turn(casing, "x", -90), boxes(*rows), *buttons), "x", -draw(-2, 12))
+    feet = (
+        loft([(0.35, 0.24, 0, y, z) for z in (-0.01, 0.01)]),
+        boxes((0.29, 0.2, 0.02, 0, y, -0.01)),
+        both_sides(rod((0, y, 0.01), (0.2, y - 0.14, 0), 0.015)),
     )
-    low = float(made.vertices[:, 2].min())
-    return join(move(made, (0, 0, -low)), pad)
+    neck = rod((0, y + 0.01, 0.01), (0, 0.03, lift + 0.12), draw(0.02, 0.04))
+    return join(place(screen, (0, 0, lift)), neck, draw.pick(feet))
 
 
-def _controller(size: Real) -> Mesh:
-    body = cushion((-0.07, 0.07), (-0.035, 0.04), (0.01, 0.045), 3)
-    grips = [
-        tube(
-            [(s * 0.05, 0.0, 0.03), (s * 0.075, -0.05, 0.02), (s * 0.07, -0.085, 0.015)],
-            [0.028, 0.022, 0.014],
-        )
-        for s in (-1, 1)
+def xbox(draw: Draw) -> Mesh:
+    """A game console, lying or standing, with disc slot, vents, plugs; its controller in front."""
+    waist, squareness = draw.pick(((1.0, 9), (0.9, 5), (0.95, 12)))
+    shell = [(0.98, 0), (1, 0.007), (waist, 0.035), (1, 0.063), (0.98, 0.07)]
+    rows = [
+        (0.15, 0.03, 0.007, -0.045, -0.12, 0.042),
+        *((0.02, 0.03, 0.007, x, -0.12, 0.014) for x in (-0.01, 0.02, 0.05)),
+        *((0.02, 0.016, 0.02, x, 0.13, 0.02) for x in (-0.09, -0.05, 0.03)),
+        *((0.01, 0.08, 0.006, x, 0.065, 0.07) for x in (-0.115, -0.085, -0.055, -0.025)),
     ]
-    sticks = [rod((a, b, 0.04), (a, b, 0.062), 0.012) for a, b in ((-0.04, 0.012), (0.02, -0.015))]
-    buttons = [
-        ball((0.042 + a, 0.012 + b, 0.047), (0.006, 0.006, 0.006), 6)
-        for a, b in ((0.012, 0), (-0.012, 0), (0, 0.012), (0, -0.012))
+    button = disc("y", 0.02, 0.012, (0.11, -0.13, 0.035), 16)
+    lid = disc("z", 0.05, 0.012, (0.045, -0.026, 0.07))
+    lying = join(
+        loft([(0.3 * s, 0.26 * s, 0, 0, z) for s, z in shell], squareness, 28),
+        boxes(*rows),
+        button,
+        lid,
+    )
+    standing = place(turn(lying, "y", -90), (0, 0, 0.15))
+    grip = tube([(0.05, 0, 0.03), (0.08, -0.05, 0.02), (0.07, -0.09, 0.015)], [0.03, 0.023, 0.015])
+    knobs = ((-0.04, 0.012), (0.02, -0.015), (0.04, 0.02), (0.055, 0.005))
+    pad = join(
+        cushion((0.15, 0.08, 0.037), (0, 0, 0.01), 3),
+        both_sides(grip),
+        *(rod((x, y, 0.04), (x, y, 0.06), 0.01) for x, y in knobs),
+    )
+    at = (draw(-0.1, 0.12), draw(-0.29, -0.23), 0)
+    return join(draw.pick((lying, lying, standing)), place(pad, at, draw(-40, 40)))
+
+
+ACOUSTIC = ((0, 0), (0.7, 0.03), (1, 0.25), (0.68, 0.58), (0.72, 0.85), (0.35, 1), (0, 0.97))
+ELECTRIC = ((0, 0), (0.7, 0.03), (1, 0.25), (0.68, 0.58), (0.85, 1), (0.4, 0.85), (0, 0.97))
+HORNED = ((0.3, 0.82), (0.8, 1.18), (0.68, 0.58), (1, 0.25), (0.7, 0.03))
+"""Outlines of guitars: half the width and the height of each knot; the last the left of one."""
+
+
+def guitar(draw: Draw) -> Mesh:
+    """A guitar that stands upright, strings to -y: acoustic, or electric with horns."""
+    electric, top = draw.chance(0.5), draw(0.8, 0.9)
+    y = -(draw(0.017, 0.025) if electric else draw(0.04, 0.06))
+    right, left = (ELECTRIC, HORNED) if electric else (ACOUSTIC, ACOUSTIC[-2:0:-1])
+    knots = np.array([*right, *((-x, z) for x, z in left), (0, 0)]) * [0.19, 0.47]
+    pegs = [(0.045, 0.014, 0.014, 0.05, y, top + z) for z in (0.03, 0.075, 0.12)]
+    rows = [
+        (0.05, 0.035, top - 0.35, 0, y, 0.35),
+        (0.07, 0.02, 0.17, 0, y, top),
+        (0.18, 0.012, 0.033, 0, y - 0.006, 0.09),
+        *((0.002, 0.002, top - 0.11, x, y - 0.018, 0.11) for x in (-0.015, -0.005, 0.005, 0.015)),
     ]
-    return stretch(join(body, *grips, *sticks, *buttons), (size, size, size))
+    if electric:
+        rows += [(0.09, 0.012, 0.035, 0, y - 0.006, z) for z in (0.19, 0.28)]
+        details = [disc("y", 0.014, 0.02, (0.11, y - 0.01, z), 10) for z in (0.056, 0.1)]
+    else:
+        guard = slab([(0.05, 0.19), (0.12, 0.21), (0.06, 0.29)], (y - 0.006, y), "y")
+        details = [disc("y", 0.05, 0.008, (0, y, 0.29)), guard]
+    heads = boxes(*pegs) if electric else both_sides(boxes(*pegs))
+    return join(slab(smooth(knots, 44)[:-1], (y, -y), "y"), boxes(*rows), heads, *details)
+
+
+def piano(draw: Draw) -> Mesh:
+    """A piano: upright, or grand with its lid raised; white and black keys, pedals."""
+    length, height, deep = draw(1.1, 1.9), draw(1.05, 1.35), draw(0.3, 0.5)
+    keys = [(0.032, 0.16, 0.02, 0.036 * k, -0.08, 0.74) for k in range(-17, 18)]
+    keys += [
+        (0.02, 0.1, 0.012, 0.036 * k + 0.018, -0.05, 0.76)
+        for k in range(-17, 17)
+        if k % 7 not in (1, 4)
+    ]
+    keyboard = join(
+        boxes(*keys, (1.4, 0.2, 0.1, 0, -0.08, 0.65)),
+        boxes(*((0.05, 0.28, 0.14, x, -0.04, 0.7) for x in (-0.675, 0.675))),
+        boxes(*((0.024, 0.2, 0.02, x, 0, 0.06) for x in (-0.1, 0, 0.1))),
+    )
+    upright = boxes(
+        (1.4, deep, height, 0, deep / 2, 0),
+        (1.44, deep + 0.02, 0.03, 0, deep / 2, height),
+        (0.7, 0.02, 0.2, 0, -0.02, 0.82),
+        *((0.1, 0.18, 0.65, x, -0.09, 0) for x in (-0.65, 0.65)),
+    )
+    wing = [(0.7, 0), (0.7, 0.35), (0.25, 0.65), (0.07, 0.95), (-0.35, 1), (-0.7, 0.9)]
+    outline = np.vstack([smooth(wing), [[-0.7, 0]]]) * [1, length]
+    grand = join(
+        slab(outline, (0.62, 0.9)),
+        turn(slab(outline, (0.9, 0.92)), "y", -draw(20, 40), (-0.7, 0, 0.9)),
+        rod((0.6, 0.3 * length, 0.9), (0.2, 0.3 * length, 1.2), 0.012),
+        boxes((0.26, 0.04, 0.6, 0, 0.14, 0.02), (0.6, 0.02, 0.2, 0, 0.11, 0.9)),
+        *(
+            rod((x, y, 0), (x, y, 0.62), 0.04, 0.06)
+            for x, y in ((-0.58, 0.1), (0.58, 0.1), (-0.28, 0.85 * length))
+        ),
+    )
+    return join(keyboard, draw.pick((upright, grand)))
+
+
+def radio(draw: Draw) -> Mesh:
+    """A radio: one speaker or two, a dial, knobs, a handle or an arched case, an aerial."""
+    style, size = draw.whole(0, 2), draw(0.06, 0.085)
+    profile = [(1, 0), (1, 0.02), (0.85, 0.02), (0.3, 0.005), (0.2, 0.015)]
+    speaker = turn(lathe([(r * size, z) for r, z in profile]), "x", 90)
+    speaker = place(speaker, (1.12 * size - 0.18, -0.052, 0.1))
+    if style == 2:  # an arched case, as of old
+        crown, top = arc(1, 0, 180, 14) * [0.18, 0.08] + [0, 0.21], 0.29
+        case = slab([*crown, (-0.18, 0.01), (0.18, 0.01)], (-0.052, 0.052), "y")
+    else:
+        loop = [(-0.145, 0, 0.19), (-0.145, 0, 0.25), (0.145, 0, 0.25), (0.145, 0, 0.19)]
+        case, top = join(cushion((0.36, 0.104, 0.2), (0, 0, 0.01), 8), tube(loop, 0.01)), 0.21
+    wide, x = (0.16, 0.08) if style == 0 else (0.11, 0.0)
+    marks = [(0.02, 0.01, 0.015, x + left, -0.057, 0.105) for left in (-0.03, 0, 0.03)]
+    tip = (0.12 + draw(-0.06, 0.17), 0.03, top + draw(0.17, 0.34))
+    return join(
+        case,
+        speaker if style == 0 else both_sides(speaker),
+        boxes((wide, 0.008, 0.048, x, -0.056, 0.13), *marks),
+        *(knob((x + left, -0.052, 0.065), draw(0.015, 0.03)) for left in (-0.036, 0.036)),
+        rod((0.12, 0.03, 0.8 * top), tip, 0.006, 0.003),
+        stand("round", 0.28, 0.08, 0.01, 0.02),
+    )

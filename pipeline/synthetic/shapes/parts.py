@@ -1,159 +1,118 @@
-"""Parts that several made-up objects share: legs, fronts, handles, leaves, taps, vessels."""
+"""Parts that several objects share: legs and other stands, fronts with handles, leaves, taps."""
 
-from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float64
 
 from pcrdiff.data.raw import Mesh
+from pipeline.synthetic.draw import Draw
 from pipeline.synthetic.shapes.solids import (
-    Outline,
     Real,
-    Span,
     Vector,
     ball,
-    block,
+    both_sides,
+    boxes,
+    disc,
+    four,
     join,
     lathe,
+    place,
     rod,
     sheet,
     tube,
+    turn,
 )
 
-LegStyle = Literal["square", "round", "splayed"]
-Handle = Literal["knob", "bar", "two knobs"]
-HANDLES: tuple[Handle, ...] = ("knob", "bar", "two knobs")
-LEG_STYLES: tuple[LegStyle, ...] = ("square", "round", "splayed")
+Stand = Literal["square", "round", "splayed", "pedestal", "trestle", "star", "runners"]
+LEGS: tuple[Stand, ...] = ("square", "round", "splayed")
 
 
-def legs(x: Span, y: Span, z: Span, thickness: Real, style: LegStyle) -> Mesh:
-    """Four legs under the corners of a rectangle, from ``z[0]`` up to ``z[1]``."""
-    half = thickness / 2
-    splay = 0.2 * (z[1] - z[0]) if style == "splayed" else 0.0
-    made = []
-    for corner_x, side_x in ((x[0] + half, -1), (x[1] - half, 1)):
-        for corner_y, side_y in ((y[0] + half, -1), (y[1] - half, 1)):
-            if style == "square":
-                around_x, around_y = (
-                    (corner_x - half, corner_x + half),
-                    (corner_y - half, corner_y + half),
-                )
-                made.append(block(around_x, around_y, z))
-            else:
-                foot = (corner_x + side_x * splay, corner_y + side_y * splay, z[0])
-                made.append(rod(foot, (corner_x, corner_y, z[1]), 0.35 * thickness, half))
-    return join(*made)
+def stand(style: Stand, width: Real, depth: Real, height: Real, thickness: Real) -> Mesh:
+    """What carries a seat, top or body whose underside is at ``height``, about the z axis."""
+    x, y = (width - thickness) / 2, (depth - thickness) / 2
+    if style == "pedestal":
+        foot = min(width, depth) / 2
+        knots = [(foot, 0), (foot, 0.03), (thickness, 0.08), (thickness, height - 0.02)]
+        return lathe([*knots, (1.5 * thickness, height)])
+    if style == "star":
+        arm = join(
+            rod((0, 0, 0.12), (x, 0, 0.07), 0.025, 0.015), disc("x", 0.03, 0.03, (x, 0, 0.03))
+        )
+        arms = (turn(arm, "z", angle) for angle in range(0, 360, 72))
+        return join(rod((0, 0, 0.1), (0, 0, height), thickness), *arms)
+    if style == "trestle":
+        leg = rod((x, y, 0), (x, -0.3 * y, height), thickness / 2)
+        bar = rod((-x, 0, 0.4 * height), (x, 0, 0.4 * height), thickness / 3)
+        return join(four(leg), bar)
+    if style == "runners":
+        loop = [(x, y, 0.02), (x, -y, 0.02), (x, 0.03 - y, height), (x, y - 0.1, height)]
+        back = rod((-x, y, 0.02), (x, y, 0.02), thickness / 3)
+        return join(both_sides(tube(loop, thickness / 3)), back)
+    if style == "square":
+        return four(boxes((thickness, thickness, height, x, y, 0)))
+    out = 0.2 * height if style == "splayed" else 0.0
+    return four(rod((x + out, y + out, 0), (x, y, height), 0.35 * thickness, thickness / 2))
 
 
 def knob(at: Vector, radius: Real) -> Mesh:
     """A round knob that sticks out of a front (towards -y)."""
     x, y, z = at
     stem = rod((x, y, z), (x, y - radius, z), 0.5 * radius)
-    return join(stem, ball((x, y - 1.6 * radius, z), (radius, radius, radius), sides=6))
+    return join(stem, ball((radius, radius, radius), (x, y - 1.6 * radius, z), sides=6))
 
 
-def bar_handle(start: Vector, end: Vector, radius: Real) -> Mesh:
-    """A bar in front of a front, on two posts."""
-    (x0, y, z0), (x1, _, z1) = start, end
-    out = y - 4 * radius
-    posts = [rod((x, y, z), (x, out, z), radius) for x, z in ((x0, z0), (x1, z1))]
-    return join(rod((x0, out, z0), (x1, out, z1), radius), *posts)
+def handle(start: Vector, end: Vector) -> Mesh:
+    """A bar on two posts in front of a front."""
+    (x, y, z), (last_x, _, last_z) = start, end
+    path = [(x, y, z), (x, y - 0.03, z), (last_x, y - 0.03, last_z), (last_x, y, last_z)]
+    return tube(path, 0.008)
 
 
-def drawer(x: Span, front: Real, z: Span, handle: Handle) -> Mesh:
-    """A drawer's front that stands out of the plane y = ``front``, with its handle."""
-    gap = 0.04 * (z[1] - z[0])
-    depth = 0.02
-    board = block((x[0] + gap, x[1] - gap), (front - depth, front), (z[0] + gap, z[1] - gap))
-    middle, height = (x[0] + x[1]) / 2, (z[0] + z[1]) / 2
-    quarter, face = (x[1] - x[0]) / 4, front - depth
-    if handle == "knob":
-        return join(board, knob((middle, face, height), 0.02))
-    if handle == "two knobs":
-        return join(board, *(knob((middle + s * quarter, face, height), 0.018) for s in (-1, 1)))
-    return join(
-        board,
-        bar_handle(
-            (middle - quarter / 2, face, height), (middle + quarter / 2, face, height), 0.008
-        ),
+def drawers(width: Real, height: Real, count: int, draw: Draw) -> Mesh:
+    """A stack of drawers before the plane y = 0, one of them pulled out a little."""
+    each, style, pulled = height / count, draw.whole(0, 2), draw.whole(0, count - 1)
+    front, out, z = boxes((0.96 * width, 0.02, 0.94 * each, 0, -0.01, 0)), draw(0.05, 0.2), each / 2
+    grips = (
+        knob((0, -0.02, z), 0.02),
+        handle((-0.12 * width, -0.02, z), (0.12 * width, -0.02, z)),
+        both_sides(knob((0.25 * width, -0.02, z), 0.018)),
     )
+    front = join(front, grips[style])
+    made = [place(front, (0, -out if n == pulled else 0, n * each)) for n in range(count)]
+    return join(*made, boxes((0.9 * width, out, 0.6 * each, 0, -out / 2, (pulled + 0.1) * each)))
 
 
-def carcass(x: Span, y: Span, z: Span, board: Real) -> Mesh:
-    """A cabinet without a front: bottom, top, two sides and a back."""
-    return join(
-        block(x, y, (z[0], z[0] + board)),
-        block(x, y, (z[1] - board, z[1])),
-        block((x[0], x[0] + board), y, z),
-        block((x[1] - board, x[1]), y, z),
-        block(x, (y[1] - board, y[1]), z),
+def carcass(width: Real, depth: Real, height: Real, board: Real) -> Mesh:
+    """A cabinet without a front on z = 0, about the z axis: bottom, top, two sides and a back."""
+    side = (width - board) / 2
+    return boxes(
+        *((width, depth, board, 0, 0, z) for z in (0, height - board)),
+        *((board, depth, height, x, 0, 0) for x in (-side, side)),
+        (width, board, height, 0, (depth - board) / 2, 0),
     )
 
 
 def leaf(base: Vector, tip: Vector, width: Real, droop: Real, steps: int = 6) -> Mesh:
     """A pointed leaf from ``base`` to ``tip``, its middle lifted by ``droop``."""
     s = np.linspace(0, 1, steps)[:, None]
-    start, end = np.array(base, dtype=np.float64), np.array(tip, dtype=np.float64)
+    start, end = np.asarray(base, dtype=np.float64), np.asarray(tip, dtype=np.float64)
     spine = start + s * (end - start) + np.array([0, 0, 4 * droop]) * s * (1 - s)
     across = np.array([start[1] - end[1], end[0] - start[0], 0])
-    if np.linalg.norm(across) < 1e-9:
-        across = np.array([1.0, 0, 0])
-    across = across / np.linalg.norm(across)
-    half = width / 2 * np.sin(np.pi * (0.08 + 0.9 * s)) * across
+    half = width / 2 * np.sin(np.pi * (0.08 + 0.9 * s)) * across / np.linalg.norm(across)
     fold = np.array([0, 0, 0.25 * width]) * np.sin(np.pi * s)
-    return sheet(
-        np.stack([spine - half + fold, spine, spine + half + fold], axis=1), (0, 0, 0.01 * width)
-    )
+    blade = np.stack([spine - half + fold, spine, spine + half + fold], axis=1)
+    return sheet(blade, (0, 0, 0.01 * width))
 
 
-def arc(
-    centre: Vector, radius: Real, start_deg: Real, stop_deg: Real, count: int = 10
-) -> Float64[np.ndarray, "count 3"]:
-    """Points of a level arc, counted from +x towards +y."""
-    angle = np.deg2rad(np.linspace(start_deg, stop_deg, count))
-    circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(count)])
-    return radius * circle + np.array(centre, dtype=np.float64)
-
-
-def tap(base: Vector, height: Real, reach: Vector) -> Mesh:
-    """A water tap on ``base``: up, over and down along ``reach``, with a lever on top."""
-    x, y, z = base
-    radius = 0.07 * height
-    over = [
-        (x, y, z),
-        (x, y, z + 0.8 * height),
-        (x + 0.3 * reach[0], y + 0.3 * reach[1], z + height),
-    ]
-    spout = tube(
-        [
-            *over,
-            (x + reach[0], y + reach[1], z + 0.95 * height),
-            (x + reach[0], y + reach[1], z + 0.7 * height),
-        ],
-        radius,
-    )
-    lever = rod((x, y, z + 0.7 * height), (x + 0.35 * height, y, z + height), 0.6 * radius)
+def tap(height: Real, reach: Real) -> Mesh:
+    """A water tap on the origin: up, over and down towards -y, with a lever to the right."""
+    path = [(0, 0), (0, 0.8), (-0.3, 1), (-1, 0.95), (-1, 0.7)]
+    spout = tube([(0, along * reach, up * height) for along, up in path], 0.07 * height)
+    lever = rod((0, 0, 0.7 * height), (0.35 * height, 0, height), 0.04 * height)
     return join(spout, lever)
 
 
-def mirrored(part: Mesh) -> Mesh:
-    """Swap left and right."""
-    return Mesh(part.vertices * np.array([-1.0, 1, 1]), part.faces[:, ::-1])
-
-
-def drawers(x: Span, front: Real, z: Span, count: int, generator: np.random.Generator) -> Mesh:
-    """A column of drawers, the top ones lower; all with the same kind of handle."""
-    handle = HANDLES[generator.integers(3)]
-    sizes = np.linspace(1, generator.uniform(0.6, 1), count)
-    levels = (z[0] + (z[1] - z[0]) * np.concatenate([[0], np.cumsum(sizes) / sizes.sum()])).tolist()
-    return join(*(drawer(x, front, (a, b), handle) for a, b in pairwise(levels)))
-
-
-def hollow(outside: Outline, wall: Real, floor: Real, sides: int = 24) -> Mesh:
-    """A vessel: the outside profile up, the inside one ``wall`` thinner back down to ``floor``."""
-    outer = np.asarray(outside, dtype=np.float64)
-    inner = outer[::-1] - np.array([wall, 0])
-    inner = inner[inner[:, 1] > floor]
-    inner[:, 0] = np.maximum(inner[:, 0], 0.3 * wall)
-    return lathe(np.vstack([outer, inner, [[0.6 * inner[-1, 0], floor]]]), sides)
+def spaced(low: Real, high: Real, count: int) -> list[float]:
+    """Evenly spaced numbers, both ends among them."""
+    numbers: list[float] = np.linspace(low, high, count).tolist()
+    return numbers

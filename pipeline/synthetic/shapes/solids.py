@@ -1,4 +1,4 @@
-"""The solids every made-up object is put together from; nearly all are a skin over rings.
+"""The mesh toolkit: the solids that shapes, rooms and streets are put together from.
 
 Lengths are metres, z is up, the front of an object looks towards -y, angles are degrees.
 """
@@ -8,18 +8,30 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from scipy.interpolate import PchipInterpolator
+from scipy.spatial.transform import Rotation
 
 from pcrdiff.data.raw import Mesh
 
 Real = float | int  # spelt out: beartype knows no numeric tower
 Span = tuple[Real, Real]
-Vector = tuple[Real, Real, Real]
-Outline = Sequence[tuple[Real, Real]] | Float64[np.ndarray, "_ 2"]
+Row = Sequence[Real]
+"""Of a table of boxes or ovals: sizes, then places."""
+Vector = Sequence[Real] | Float64[np.ndarray, "3"]
+Outline = Sequence[Sequence[Real] | Float64[np.ndarray, "2"]] | Float64[np.ndarray, "_ 2"]
 Path = Sequence[Vector] | Float64[np.ndarray, "_ 3"]
 Axis = Literal["x", "y", "z"]
 
 _AXES: dict[Axis, int] = {"x": 0, "y": 1, "z": 2}
 _FLAT = 1e-9  # of the squared extent: a face smaller than this is a seam, not a face
+_CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+_BOX_FACES = np.array(
+    [
+        *([0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7], [0, 1, 5], [0, 5, 4]),
+        *([1, 2, 6], [1, 6, 5], [2, 3, 7], [2, 7, 6], [3, 0, 4], [3, 4, 7]),
+    ],
+    dtype=np.int64,
+)
 
 
 def join(*parts: Mesh) -> Mesh:
@@ -31,27 +43,34 @@ def join(*parts: Mesh) -> Mesh:
     )
 
 
-def move(part: Mesh, offset: Vector) -> Mesh:
-    """Shift a part."""
-    return Mesh(part.vertices + np.array(offset, dtype=np.float64), part.faces)
+def place(part: Mesh, at: Vector, yaw_deg: Real = 0) -> Mesh:
+    """Turn a part counter-clockwise about the vertical, then shift it by ``at``."""
+    turned = turn(part, "z", yaw_deg) if yaw_deg else part
+    return Mesh(turned.vertices + np.asarray(at, dtype=np.float64), turned.faces)
 
 
 def turn(part: Mesh, axis: Axis, angle_deg: Real, about: Vector = (0, 0, 0)) -> Mesh:
     """Turn a part about the line through ``about`` along ``axis``, right-handed."""
-    first, second = (_AXES[axis] + 1) % 3, (_AXES[axis] + 2) % 3
-    cosine, sine = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
-    R = np.eye(3)
-    R[[first, second], [first, second]] = cosine
-    R[first, second], R[second, first] = -sine, sine
-    centre = np.array(about, dtype=np.float64)
+    R = Rotation.from_euler(axis, angle_deg, degrees=True).as_matrix()
+    centre = np.asarray(about, dtype=np.float64)
     return Mesh((part.vertices - centre) @ R.T + centre, part.faces)
 
 
 def stretch(part: Mesh, factors: Vector) -> Mesh:
     """Scale a part along the axes about the origin; a negative factor mirrors it."""
-    scale = np.array(factors, dtype=np.float64)
+    scale = np.asarray(factors, dtype=np.float64)
     mirrored = bool(np.prod(scale) < 0)
     return Mesh(part.vertices * scale, part.faces[:, ::-1] if mirrored else part.faces)
+
+
+def both_sides(part: Mesh) -> Mesh:
+    """A part and its mirror image to the left."""
+    return join(part, stretch(part, (-1, 1, 1)))
+
+
+def four(part: Mesh) -> Mesh:
+    """A part at each of four corners about the z axis."""
+    return both_sides(join(part, stretch(part, (1, -1, 1))))
 
 
 def skin(rings: Float64[np.ndarray, "sections sides 3"]) -> Mesh:
@@ -83,37 +102,43 @@ def _outwards(vertices: Float64[np.ndarray, "v 3"], faces: Int64[np.ndarray, "f 
     return Mesh(vertices[used], renumbered.reshape(-1, 3).astype(np.int64))
 
 
-def block(x: Span, y: Span, z: Span, taper: Real = 1) -> Mesh:
-    """A box; its top face is ``taper`` times as wide and as deep as its bottom face."""
-    low, high = np.array([x, y, z], dtype=np.float64).T
-    across = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (high - low)[:2] / 2
-    bottom = np.column_stack([across, np.full(4, low[2])])
-    top = np.column_stack([across * taper, np.full(4, high[2])])
-    middle = np.array([*(low + high)[:2] / 2, 0])
-    return skin(np.stack([bottom, top]) + middle)
+def boxes(*rows: Row, taper: Span = (1, 1)) -> Mesh:
+    """Boxes, a row each: width, depth, height, then x, y, z of the middle of its underside.
+
+    The upper sides are ``taper`` times as wide and as deep as the undersides.
+    """
+    size, at = np.split(np.array(rows, dtype=np.float64)[:, None], 2, axis=-1)
+    lower, upper = (
+        np.column_stack([_CORNERS * share, np.full(4, z)]) for share, z in (((1, 1), 0), (taper, 1))
+    )
+    vertices = size * np.concatenate([lower, upper]) + at
+    faces = _BOX_FACES + 8 * np.arange(len(rows))[:, None, None]
+    return Mesh(vertices.reshape(-1, 3), faces.reshape(-1, 3))
 
 
 def oval(
-    centre: Vector, width: Real, depth: Real, squareness: Real = 2, sides: int = 24
+    width: Real, depth: Real, at: Vector, squareness: Real = 2, sides: int = 24
 ) -> Float64[np.ndarray, "sides 3"]:
-    """A level ring: an ellipse at squareness 2, nearly a rectangle at 8."""
+    """A level ring about ``at``: an ellipse at squareness 2, nearly a rectangle at 8."""
     angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
     cosine, sine = np.cos(angle), np.sin(angle)
     x = width / 2 * np.sign(cosine) * np.abs(cosine) ** (2 / squareness)
     y = depth / 2 * np.sign(sine) * np.abs(sine) ** (2 / squareness)
-    return np.column_stack([x, y, np.zeros(sides)]) + np.array(centre, dtype=np.float64)
+    return np.column_stack([x, y, np.zeros(sides)]) + np.asarray(at, dtype=np.float64)
 
 
-def cushion(x: Span, y: Span, z: Span, squareness: Real = 5, sides: int = 20) -> Mesh:
-    """A box with soft edges."""
-    centre_x, centre_y = (x[0] + x[1]) / 2, (y[0] + y[1]) / 2
-    soft = min(x[1] - x[0], y[1] - y[0], z[1] - z[0]) * 0.3
-    levels = [(z[0], soft), (z[0] + soft / 2, 0), (z[1] - soft / 2, 0), (z[1], soft)]
-    rings = [
-        oval((centre_x, centre_y, h), x[1] - x[0] - inset, y[1] - y[0] - inset, squareness, sides)
-        for h, inset in levels
-    ]
-    return skin(np.stack(rings))
+def loft(rows: Sequence[Row], squareness: Real = 2, sides: int = 24) -> Mesh:
+    """A skin over ovals, a row each: width, depth, then x, y, z of its middle."""
+    return skin(np.stack([oval(w, d, at, squareness, sides) for w, d, *at in rows]))
+
+
+def cushion(size: Vector, at: Vector, squareness: Real = 5, sides: int = 20) -> Mesh:
+    """A box with soft edges; ``at`` is the middle of its underside."""
+    (width, depth, height), (x, y, z) = size, at
+    soft = min(width, depth, height) * 0.3
+    levels = [(0, soft), (soft / 2, 0), (height - soft / 2, 0), (height, soft)]
+    rows = [(width - inset, depth - inset, x, y, z + level) for level, inset in levels]
+    return loft(rows, squareness, sides)
 
 
 def lathe(profile: Outline, sides: int = 24) -> Mesh:
@@ -124,23 +149,24 @@ def lathe(profile: Outline, sides: int = 24) -> Mesh:
     return skin(circle * radius[:, None, None] + np.array([0, 0, 1]) * height[:, None, None])
 
 
-def hoop(section: Outline, sides: int = 24) -> Mesh:
-    """Turn a closed outline of (radius, z), away from the axis, all the way about the z axis."""
-    radius, height = np.asarray(section, dtype=np.float64).T
-    angle = np.linspace(0, 2 * np.pi, sides + 1)[:, None]
-    rings = [radius * np.cos(angle), radius * np.sin(angle), height + 0 * angle]
-    return skin(np.stack(rings, axis=-1))
+def hollow(outside: Outline, wall: Real, floor: Real, sides: int = 24) -> Mesh:
+    """A vessel: the outside profile up, the inside one ``wall`` thinner back down to ``floor``."""
+    outer = np.asarray(outside, dtype=np.float64)
+    inner = outer[::-1] - np.array([wall, 0])
+    inner = inner[inner[:, 1] > floor]
+    inner[:, 0] = np.maximum(inner[:, 0], 0.3 * wall)
+    return lathe(np.vstack([outer, inner, [[0.6 * inner[-1, 0], floor]]]), sides)
 
 
-def ball(centre: Vector, radii: Vector, sides: int = 12) -> Mesh:
-    """An ellipsoid."""
+def ball(radii: Vector, at: Vector, sides: int = 12) -> Mesh:
+    """An ellipsoid about ``at``."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, sides // 2 + 2)
     profile = np.column_stack([np.cos(angle), np.sin(angle)])
-    return move(stretch(lathe(profile, sides), radii), centre)
+    return place(stretch(lathe(profile, sides), radii), at)
 
 
 def tube(path: Path, radius: Real | Sequence[Real], sides: int = 8) -> Mesh:
-    """Sweep a circle along a path; ``radius`` is one for all, or one a point of the path."""
+    """Sweep a circle along a path; ``radius`` is one for all, or one for each point of the path."""
     points = np.asarray(path, dtype=np.float64)
     radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), len(points))
     tangents = np.gradient(points, axis=0)
@@ -151,10 +177,8 @@ def tube(path: Path, radius: Real | Sequence[Real], sides: int = 8) -> Mesh:
     for point, tangent, r in zip(points, tangents, radii, strict=True):
         normal = normal - (normal @ tangent) * tangent  # carried along, so that nothing twists
         normal = normal / np.linalg.norm(normal)
-        spokes = np.outer(np.cos(angle), normal) + np.outer(
-            np.sin(angle), np.cross(tangent, normal)
-        )
-        rings.append(point + r * spokes)
+        across = np.stack([normal, np.cross(tangent, normal)])
+        rings.append(point + r * np.column_stack([np.cos(angle), np.sin(angle)]) @ across)
     return skin(np.stack(rings))
 
 
@@ -163,11 +187,10 @@ def rod(start: Vector, end: Vector, radius: Real, end_radius: Real | None = None
     return tube([start, end], [radius, radius if end_radius is None else end_radius], sides=10)
 
 
-def disc(centre: Vector, axis: Axis, radius: Real, thickness: Real, sides: int = 20) -> Mesh:
-    """A flat cylinder about ``axis``."""
+def disc(axis: Axis, radius: Real, thickness: Real, at: Vector, sides: int = 20) -> Mesh:
+    """A flat cylinder about ``at``, its axis along ``axis``."""
     half = np.eye(3)[_AXES[axis]] * thickness / 2
-    middle = np.array(centre, dtype=np.float64)
-    return tube(np.stack([middle - half, middle + half]), radius, sides=sides)
+    return tube(np.stack([-half, half]) + np.asarray(at, dtype=np.float64), radius, sides=sides)
 
 
 def slab(outline: Outline, span: Span, axis: Axis = "z") -> Mesh:
@@ -181,19 +204,21 @@ def slab(outline: Outline, span: Span, axis: Axis = "z") -> Mesh:
 
 def sheet(surface: Float64[np.ndarray, "columns rows 3"], thickness: Vector) -> Mesh:
     """A thin skin: ``surface`` in front, the same moved by ``thickness`` behind."""
-    behind = surface[:, ::-1] + np.array(thickness, dtype=np.float64)
+    behind = surface[:, ::-1] + np.asarray(thickness, dtype=np.float64)
     return skin(np.concatenate([surface, behind], axis=1))
+
+
+def arc(
+    radius: Real, start_deg: Real, stop_deg: Real, count: int = 10
+) -> Float64[np.ndarray, "count 2"]:
+    """Points of an arc about the origin, counted from the first axis towards the second."""
+    angle = np.deg2rad(np.linspace(start_deg, stop_deg, count))
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def smooth(knots: Outline, count: int = 20) -> Float64[np.ndarray, "count 2"]:
     """Round an open outline: cubic between its knots, which are passed through."""
-    points = np.asarray(knots, dtype=np.float64)
-    at = np.linspace(0, len(points) - 1, count)
-    left = np.minimum(at.astype(int), len(points) - 2)
-    s = (at - left)[:, None]
-    slopes = np.gradient(points, axis=0)
-    rise = points[left + 1] - points[left]
-    start, end = slopes[left] - rise, rise - slopes[left + 1]
+    at = np.linspace(0, len(knots) - 1, count)
     rounded: Float64[np.ndarray, "count 2"]
-    rounded = points[left] + s * rise + s * (1 - s) * ((1 - s) * start + s * end)
+    rounded = PchipInterpolator(np.arange(len(knots)), np.asarray(knots, dtype=np.float64))(at)
     return rounded

@@ -1,4 +1,4 @@
-"""The made-up KITTI has the official layout; its scans, calibration and poses agree."""
+"""The synthetic KITTI has the official layout; its scans, calibration and poses agree."""
 
 from pathlib import Path
 

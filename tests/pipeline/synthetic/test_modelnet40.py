@@ -1,4 +1,4 @@
-"""The made-up ModelNet40: official tree, same bytes twice, shapes that differ and have one pose."""
+"""The synthetic ModelNet40: official tree, same bytes twice, shapes that differ and have one pose."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from pcrdiff.data.modelnet40 import CATEGORIES, SYMMETRIC, read_items
 from pcrdiff.data.raw import Cloud, Mesh, sample_points
-from pipeline.synthetic.modelnet40 import MAKERS, make_shape, write_modelnet40
+from pipeline.synthetic.modelnet40 import make_shape, write_modelnet40
+from pipeline.synthetic.shapes.makers import MAKERS
 
 T = TypeVar("T")
 TRAIN, TEST, SEED = 2, 1, 5

@@ -1,4 +1,4 @@
-"""The made-up 3DMatch has the official layout, and its ground truth is true."""
+"""The synthetic 3DMatch has the official layout, and its ground truth is true."""
 
 import re
 from pathlib import Path

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.synthetic.scenes.rays import RayScene
-from pipeline.synthetic.scenes.street import MATERIALS, sample_road, sample_street
+from pipeline.synthetic.scenes.street import MATERIALS, foliage, sample_road, sample_street
 
 LENGTH = 150.0
 
@@ -46,3 +46,14 @@ def test_every_material_is_somewhere_and_none_is_unknown() -> None:
         _, parts = sample_street(LENGTH, generator=np.random.default_rng(seed))
         seen |= {material for material, _ in parts}
     assert seen == set(MATERIALS)
+
+
+def test_leaves_stay_in_their_crown_and_let_some_rays_through() -> None:
+    crown = foliage((2.0, 1.0, 1.5), 200, 0.1, generator=np.random.default_rng(0))
+    lower, upper = crown.vertices.min(axis=0), crown.vertices.max(axis=0)
+    assert (lower > [-2.3, -1.3, -0.3]).all()
+    assert (upper < [2.3, 1.3, 3.3]).all()
+    y, z = np.meshgrid(np.linspace(-0.5, 0.5, 40), np.linspace(1.0, 2.0, 40))
+    directions = np.column_stack([np.full(1600, 8.0), y.reshape(-1), z.reshape(-1) - 1.5])
+    met = RayScene([crown]).cast(np.array([-8.0, 0.0, 1.5]), directions).part == 0
+    assert 0.05 < met.mean() < 0.95
