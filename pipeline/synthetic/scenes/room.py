@@ -31,8 +31,8 @@ _WALL = 0.2  # thickness
 _WALK, _WAVER = 0.22, 0.04  # the radius of the camera's walk, and how far it strays; in rooms
 _HEADROOM, _ELBOWROOM = 1.1, 0.09  # what is higher, in metres, stays so far off it, in rooms
 
-Rectangle = tuple[float, float, float, float]
-"""(x from, y from, x to, y to) on the floor."""
+Rectangle = Float64[np.ndarray, "2 2"]
+"""The least x and y on the floor, then the greatest."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def _on(base: Mesh, thing: Mesh, x: float, y: float, yaw_deg: float) -> Mesh:
 
 def _strewn(base: Mesh, count: int, draw: Draw) -> Mesh:
     """Furniture with small things on it."""
-    low, high = np.quantile(base.vertices[:, :2], (0, 1), axis=0)
+    low, high = _footprint(base)
     for _ in range(count):
         x, y = (low + draw.generator.uniform(0.1, 0.9, 2) * (high - low)).tolist()
         base = _on(base, _made(draw.pick(_STREWN), draw), x, y, draw(-180, 180))
@@ -154,12 +154,11 @@ def _at_wall(mesh: Mesh, wall: int, along: float, floor: tuple[float, float]) ->
 
 
 def _footprint(mesh: Mesh) -> Rectangle:
-    lower, upper = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    return float(lower[0]), float(lower[1]), float(upper[0]), float(upper[1])
+    return np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])[:, :2]
 
 
 def _overlap(a: Rectangle, b: Rectangle) -> bool:
-    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+    return bool((a[0] < b[1]).all() and (b[0] < a[1]).all())
 
 
 def _stand(

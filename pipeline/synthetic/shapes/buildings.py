@@ -60,13 +60,10 @@ def _pleats(width: Real, draw: Draw) -> Mesh:
 def door(draw: Draw) -> Mesh:
     """A door ajar in its frame: panels or a window, lever handles, hinges on one side."""
     jamb, deep = draw(0.06, 0.14), draw(0.1, 0.2)
-    faces = (  # what stands out on both sides: width, height, x, z
-        [(0.82, 0.25, 0.46, 0.05)],  # a kick plate
-        [  # a window's frame
-            *((0.5, 0.04, 0.46, z) for z in (1.04, 1.72)),
-            *((0.04, 0.7, x, 1.04) for x in (0.23, 0.69)),
-        ],
-        [(0.7, 0.8, 0.46, z) for z in (0.16, 1.12)],
+    window = [(0.5, 0.04, 0.46, z) for z in (1.04, 1.72)]
+    window += [(0.04, 0.7, x, 1.04) for x in (0.23, 0.69)]
+    faces = (  # what stands out on both sides, a kick plate first: width, height, x, z
+        *([(0.82, 0.25, 0.46, 0.05)], window, [(0.7, 0.8, 0.46, z) for z in (0.16, 1.12)]),
         [(0.29, 0.52, x, z) for x in (0.26, 0.66) for z in (0.16, 0.8, 1.44)],
     )
     face = [(wide, 0.072, tall, x, 0, z) for wide, tall, x, z in draw.pick(faces)]
@@ -85,19 +82,14 @@ def door(draw: Draw) -> Mesh:
 
 def mantel(draw: Draw) -> Mesh:
     """A fireplace's surround: posts, lintel, stepped shelf, hearth, fire box and logs."""
-    post, back, hearth, steps = (
-        draw(0.15, 0.28),
-        draw(0.25, 0.45),
-        draw(0.2, 0.45),
-        draw.whole(1, 3),
-    )
-    x = 0.55 + post / 2
-    wide = 2 * x + post
+    post, back, hearth = draw(0.15, 0.28), draw(0.25, 0.45), draw(0.2, 0.45)
+    x, wide = 0.55 + post / 2, 1.1 + 2 * post
     rows: list[Row] = [
         (wide, 0.22, 0.25, 0, -0.11, 0.95),
         (wide + 0.1, 0.22 + hearth, 0.05, 0, -0.11 - hearth / 2, -0.05),
-        *((wide + 0.06 * n, 0.22 + 0.03 * n, 0.04, 0, -0.11, 1.16 + 0.04 * n) for n in range(1, 4)),
     ]
+    for n in range(1, draw.whole(2, 4)):
+        rows.append((wide + 0.06 * n, 0.22 + 0.03 * n, 0.04, 0, -0.11, 1.16 + 0.04 * n))
     for side in (-x, x):
         rows += [(post, 0.22, 0.95, side, -0.11, 0), (post + 0.04, 0.24, 0.12, side, -0.12, 0)]
     logs = [
@@ -105,7 +97,7 @@ def mantel(draw: Draw) -> Mesh:
         for z in (0.09, 0.14, 0.19)[: draw.whole(1, 3)]
     ]
     return join(
-        boxes(*rows[: 2 + steps], *rows[5:]),
+        boxes(*rows),
         place(carcass(1.1, back, 0.95, 0.03), (0, back / 2, 0)),
         disc("y", 0.075, 0.03, (draw(-0.1, 0.1), -0.23, 1.07)),
         *draw.maybe(0.6, both_sides(rod((x, -0.22, 0), (x, -0.22, 0.95), 0.35 * post, 0.3 * post))),

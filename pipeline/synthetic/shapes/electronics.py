@@ -1,11 +1,16 @@
 """Things with keys, strings or a screen: guitar, keyboard, laptop, monitor, piano, radio, xbox."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pcrdiff.data.raw import Mesh
 from pipeline.synthetic.draw import Draw
 from pipeline.synthetic.shapes.parts import knob, stand
 from pipeline.synthetic.shapes.solids import (
+    Real,
+    Row,
+    Span,
     arc,
     both_sides,
     boxes,
@@ -28,21 +33,25 @@ SHIFTS = (0.5, 0.75, 0.25, 0, 0)
 """By how much the rows behind it stand to the right, in keys."""
 
 
+def _keys(keys: Sequence[Row], pitch: Span, high: Real) -> Mesh:
+    """Keys on z = 0, each from its row, left edge and width; pitch of the keys and of the rows."""
+    (row, left, wide), (across, along), gap = np.array(keys, dtype=np.float64).T, pitch, 0.0024
+    size = [wide * across - gap, np.full(len(keys), along - gap), np.full(len(keys), high)]
+    rows = np.column_stack([*size, (left + wide / 2) * across, (row + 0.5) * along, 0 * row])
+    return boxes(*rows.tolist(), taper=(0.8, 0.8))
+
+
 def keyboard(draw: Draw) -> Mesh:
     """A keyboard: a sloped board, rows of keys, space bar, arrows, a pad of numbers or not."""
-    rows, pad, high, size = draw.whole(5, 6), draw.whole(0, 4), draw(0.004, 0.011), 0.0185
-    keys = [(0.0, left, wide) for left, wide in SPACE_ROW]
+    rows, pad, pitch = draw.whole(5, 6), draw.whole(0, 4), 0.0185
+    keys: list[Row] = [(0, left, wide) for left, wide in SPACE_ROW]
     for row, shift in enumerate(SHIFTS[: rows - 1], start=1):
         keys += [(row, shift + n, 1) for n in range(13 + (row > 2))]
         keys += [(row, 15.6 + n, 1) for n in range(pad)]
-    width, depth, gap = (15 + (pad + 0.6 if pad else 0)) * size, rows * size, 0.0024
-    blocks = [
-        (wide * size - gap, size - gap, high, (left + wide / 2) * size, (row + 0.5) * size, 0)
-        for row, left, wide in keys
-    ]
+    width, depth = (15 + (pad + 0.6 if pad else 0)) * pitch, rows * pitch
     made = join(
         cushion((width + 0.02, depth + 0.02, 0.014), (width / 2, depth / 2, -0.014), 9),
-        boxes(*blocks, taper=(0.8, 0.8)),
+        _keys(keys, (pitch, pitch), draw(0.004, 0.011)),
         boxes(*((0.03, 0.01, 0.016, at * width, depth, -0.03) for at in (0.1, 0.85))),
         *draw.maybe(0.35, cushion((width, 0.065, 0.012), (width / 2, -0.04, -0.014), 7)),
     )
@@ -52,25 +61,12 @@ def keyboard(draw: Draw) -> Mesh:
 def laptop(draw: Draw) -> Mesh:
     """A laptop, opened: keys, touch pad, hinges, screen."""
     columns, thick, near = draw.whole(11, 14), draw(0.012, 0.028), draw(0.095, 0.11)
-    wide, deep = 0.31 / columns, (0.205 - near) / 5
-    keys = [
-        (
-            wide - 0.0024,
-            deep - 0.0024,
-            0.004,
-            (n + 0.5) * wide - 0.155,
-            near + (row + 0.5) * deep,
-            thick,
-        )
-        for row in range(5)
-        for n in range(columns)
-        if row or not 3 <= n < 8
-    ]
-    bar = (5 * wide, deep - 0.0024, 0.004, 5.5 * wide - 0.155, near + 0.5 * deep, thick)
+    keys = [(row, n, 1) for row in range(5) for n in range(columns) if row or not 3 <= n < 8]
+    board = _keys([*keys, (0, 3, 5)], (0.31 / columns, (0.205 - near) / 5), 0.004)
     screen = boxes((0.345, 0.008, 0.235, 0, 0.004, 0), (0.325, 0.002, 0.21, 0, -0.001, 0.015))
     return join(
         cushion((0.345, 0.235, thick), (0, 0.118, 0), 10),
-        boxes(*keys, bar, taper=(0.8, 0.8)),
+        place(board, (-0.155, near, thick)),
         boxes((0.1, 0.065, 0.002, -0.003, 0.048, thick)),
         place(turn(screen, "x", -draw(-5, 45)), (0, 0.235, thick)),
         both_sides(rod((0.14, 0.235, thick), (0.09, 0.235, thick), 0.007)),
@@ -78,7 +74,7 @@ def laptop(draw: Draw) -> Mesh:
 
 
 def monitor(draw: Draw) -> Mesh:
-    """A monitor: a flat screen on a foot, or a deep tube; bezel, buttons, plugs."""
+    """A monitor: a flat screen on a foot, or a deep tube; bezel, buttons."""
     lift, y, tall = draw(0.06, 0.16), draw(0.04, 0.09), draw(0.29, 0.46)
     deep = draw.pick((draw(0.25, 0.4), draw(0.03, 0.08), draw(0.03, 0.08)))
     shell = [(0.96, 0.01), (0.9, 0.4 * deep), (0.5, deep)]
@@ -87,10 +83,9 @@ def monitor(draw: Draw) -> Mesh:
         (0.58, 0.03, tall, 0, -0.005, 0),
         *((0.58, 0.01, high, 0, -0.025, z) for high, z in ((0.03, 0), (0.02, tall - 0.02))),
         *((0.02, 0.01, tall, x, -0.025, 0) for x in (-0.28, 0.28)),
-        *((0.023, 0.02, 0.02, 0.07, deep + 0.01, z * tall) for z in (0.3, 0.4)),
+        *((0.016, 0.008, 0.016, x, -0.034, 0.01) for x in (0.18, 0.21, 0.24)),
     ]
-    buttons = [disc("y", 0.008, 0.008, (x, -0.03, 0.02), 8) for x in (0.18, 0.21, 0.24)]
-    screen = turn(join(turn(casing, "x", -90), boxes(*rows), *buttons), "x", -draw(-2, 12))
+    screen = turn(join(turn(casing, "x", -90), boxes(*rows)), "x", -draw(-2, 12))
     feet = (
         loft([(0.35, 0.24, 0, y, z) for z in (-0.01, 0.01)]),
         boxes((0.29, 0.2, 0.02, 0, y, -0.01)),
@@ -106,18 +101,12 @@ def xbox(draw: Draw) -> Mesh:
     shell = [(0.98, 0), (1, 0.007), (waist, 0.035), (1, 0.063), (0.98, 0.07)]
     rows = [
         (0.15, 0.03, 0.007, -0.045, -0.12, 0.042),
-        *((0.02, 0.03, 0.007, x, -0.12, 0.014) for x in (-0.01, 0.02, 0.05)),
+        *((0.02, 0.03, 0.007, x, -0.12, 0.014) for x in (-0.01, 0.02, 0.05, 0.11)),
         *((0.02, 0.016, 0.02, x, 0.13, 0.02) for x in (-0.09, -0.05, 0.03)),
         *((0.01, 0.08, 0.006, x, 0.065, 0.07) for x in (-0.115, -0.085, -0.055, -0.025)),
     ]
-    button = disc("y", 0.02, 0.012, (0.11, -0.13, 0.035), 16)
-    lid = disc("z", 0.05, 0.012, (0.045, -0.026, 0.07))
-    lying = join(
-        loft([(0.3 * s, 0.26 * s, 0, 0, z) for s, z in shell], squareness, 28),
-        boxes(*rows),
-        button,
-        lid,
-    )
+    case = loft([(0.3 * s, 0.26 * s, 0, 0, z) for s, z in shell], squareness, 28)
+    lying = join(case, boxes(*rows), disc("z", 0.05, 0.012, (0.045, -0.026, 0.07)))
     standing = place(turn(lying, "y", -90), (0, 0, 0.15))
     grip = tube([(0.05, 0, 0.03), (0.08, -0.05, 0.02), (0.07, -0.09, 0.015)], [0.03, 0.023, 0.015])
     knobs = ((-0.04, 0.012), (0.02, -0.015), (0.04, 0.02), (0.055, 0.005))
@@ -149,12 +138,10 @@ def guitar(draw: Draw) -> Mesh:
         (0.18, 0.012, 0.033, 0, y - 0.006, 0.09),
         *((0.002, 0.002, top - 0.11, x, y - 0.018, 0.11) for x in (-0.015, -0.005, 0.005, 0.015)),
     ]
-    if electric:
-        rows += [(0.09, 0.012, 0.035, 0, y - 0.006, z) for z in (0.19, 0.28)]
-        details = [disc("y", 0.014, 0.02, (0.11, y - 0.01, z), 10) for z in (0.056, 0.1)]
-    else:
-        guard = slab([(0.05, 0.19), (0.12, 0.21), (0.06, 0.29)], (y - 0.006, y), "y")
-        details = [disc("y", 0.05, 0.008, (0, y, 0.29)), guard]
+    if electric:  # pick-ups
+        rows += [(0.09, 0.012, 0.035, 0, y - 0.006, z) for z in (0.1, 0.19, 0.28)]
+    guard = slab([(0.05, 0.19), (0.12, 0.21), (0.06, 0.29)], (y - 0.006, y), "y")
+    details = [guard] if electric else [guard, disc("y", 0.05, 0.008, (0, y, 0.29))]
     heads = boxes(*pegs) if electric else both_sides(boxes(*pegs))
     return join(slab(smooth(knots, 44)[:-1], (y, -y), "y"), boxes(*rows), heads, *details)
 
@@ -163,15 +150,13 @@ def piano(draw: Draw) -> Mesh:
     """A piano: upright, or grand with its lid raised; white and black keys, pedals."""
     length, height, deep = draw(1.1, 1.9), draw(1.05, 1.35), draw(0.3, 0.5)
     keys = [(0.032, 0.16, 0.02, 0.036 * k, -0.08, 0.74) for k in range(-17, 18)]
-    keys += [
-        (0.02, 0.1, 0.012, 0.036 * k + 0.018, -0.05, 0.76)
-        for k in range(-17, 17)
-        if k % 7 not in (1, 4)
-    ]
-    keyboard = join(
-        boxes(*keys, (1.4, 0.2, 0.1, 0, -0.08, 0.65)),
-        boxes(*((0.05, 0.28, 0.14, x, -0.04, 0.7) for x in (-0.675, 0.675))),
-        boxes(*((0.024, 0.2, 0.02, x, 0, 0.06) for x in (-0.1, 0, 0.1))),
+    sharps = [k + 0.5 for k in range(-17, 17) if k % 7 not in (1, 4)]
+    keyboard = boxes(
+        *keys,
+        *((0.02, 0.1, 0.012, 0.036 * k, -0.05, 0.76) for k in sharps),
+        (1.4, 0.2, 0.1, 0, -0.08, 0.65),
+        *((0.05, 0.28, 0.14, x, -0.04, 0.7) for x in (-0.675, 0.675)),
+        *((0.024, 0.2, 0.02, x, 0, 0.06) for x in (-0.1, 0, 0.1)),
     )
     upright = boxes(
         (1.4, deep, height, 0, deep / 2, 0),
@@ -181,15 +166,13 @@ def piano(draw: Draw) -> Mesh:
     )
     wing = [(0.7, 0), (0.7, 0.35), (0.25, 0.65), (0.07, 0.95), (-0.35, 1), (-0.7, 0.9)]
     outline = np.vstack([smooth(wing), [[-0.7, 0]]]) * [1, length]
+    feet = ((-0.58, 0.1), (0.58, 0.1), (-0.28, 0.85 * length))
     grand = join(
         slab(outline, (0.62, 0.9)),
         turn(slab(outline, (0.9, 0.92)), "y", -draw(20, 40), (-0.7, 0, 0.9)),
         rod((0.6, 0.3 * length, 0.9), (0.2, 0.3 * length, 1.2), 0.012),
         boxes((0.26, 0.04, 0.6, 0, 0.14, 0.02), (0.6, 0.02, 0.2, 0, 0.11, 0.9)),
-        *(
-            rod((x, y, 0), (x, y, 0.62), 0.04, 0.06)
-            for x, y in ((-0.58, 0.1), (0.58, 0.1), (-0.28, 0.85 * length))
-        ),
+        *(rod((x, y, 0), (x, y, 0.62), 0.04, 0.06) for x, y in feet),
     )
     return join(keyboard, draw.pick((upright, grand)))
 

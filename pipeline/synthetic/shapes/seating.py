@@ -47,11 +47,11 @@ def desk(draw: Draw) -> Mesh:
         stand("square", wide, 0.64, foot, 0.05),
     )
     legs: list[Row] = [(0.06, 0.06, 0.7, 0.67, y, 0) for y in (-0.29, 0.29)]
-    rows = [
+    rows: list[Row] = [
         (1.44, 0.66, 0.04, 0, -0.01, 0.7),
         (1.4 - wide, 0.02, panel, wide / 2, 0.29, 0.7 - panel),
-        *draw.pick((legs, [(0.04, 0.64, 0.7, 0.68, 0, 0)])),
     ]
+    rows += draw.pick((legs, [(0.04, 0.64, 0.7, 0.68, 0, 0)]))
     short_arm = [
         (0.5, arm, 0.04, 0.45, -0.32 - arm / 2, 0.7),
         (0.5, 0.03, 0.7, 0.45, -0.3 - arm, 0),
@@ -150,10 +150,9 @@ def sofa(draw: Draw) -> Mesh:
     back = turn(cushion((0.64, 0.14, tall - 0.06), (0, -0.07, 0), 5), "x", -8)
     seat = cushion((0.64, 0.67, 0.14), (0, -0.11, 0.27), 7)
     places = spaced(0.325 - inner / 2, inner / 2 - 0.325, seats)
-    far, throw = draw(0.4, 0.8), turn(cushion((0.4, 0.12, 0.38), (0, 0, 0), 3), "x", -25)
-    chaise = cushion(
-        (0.65, far, 0.41 - foot), (draw.pick(places[:: seats - 1 or 1]), -0.42 - far / 2, foot), 7
-    )
+    far, end = draw(0.4, 0.8), draw.pick((places[0], places[-1]))
+    chaise = cushion((0.65, far, 0.41 - foot), (end, -0.42 - far / 2, foot), 7)
+    throw = turn(cushion((0.4, 0.12, 0.38), (0, 0, 0), 3), "x", -25)
     return join(
         boxes((outer, 0.85, 0.27 - foot, 0, 0, foot)),
         cushion((outer, 0.2, 0.41 + tall - foot), (0, 0.32, foot), 7),
@@ -170,22 +169,16 @@ def stool(draw: Draw) -> Mesh:
     """A stool: round or square seat with a low back rest, and a foot rest in front only."""
     top, step, spread, feet = draw(0.7, 0.92), draw(0.15, 0.25), draw(0.19, 0.26), draw.whole(3, 5)
     rim = [(x, y, top) for x, y in arc(0.18, 35, 145).tolist()]
-    ends = arc(spread, 90 if feet == 3 else 45, 450 if feet == 3 else 405, feet + 1).tolist()[:-1]
-    left, right = ((0.92 * x, 0.92 * y, step) for x, y in ends[-2:])
+    ends = arc(spread, 270 - 180 / feet, 630 - 180 / feet, feet + 1).tolist()
+    left, right = ((0.92 * x, 0.92 * y, step) for x, y in ends[:2])
+    on_legs = [rod((x, y, 0), (0.75 * x, 0.75 * y, 0.57), 0.018) for x, y in ends[1:]]
     ring = tube([(x, y, step) for x, y in arc(0.19, 180, 360).tolist()], 0.012)
-    on_legs = [rod((x, y, 0), (0.75 * x, 0.75 * y, 0.57), 0.018) for x, y in ends]
-    styles = (
-        join(*on_legs, rod(left, right, 0.022)),
-        join(*on_legs, rod(left, right, 0.022)),
-        join(
-            stand("pedestal", 2 * spread, 2 * spread, 0.57, 0.03),
-            ring,
-            rod((-0.19, 0, step), (0.19, 0, step), 0.012),
-        ),
-    )
+    spokes = rod((-0.19, 0, step), (0.19, 0, step), 0.012)
+    pedestal = join(stand("pedestal", 2 * spread, 2 * spread, 0.57, 0.03), ring, spokes)
+    base = join(*on_legs, rod(left, right, 0.022))
     return join(
         cushion((0.38, 0.38, 0.05), (0, 0, 0.57), draw.pick((2, 7))),
         tube(rim, 0.025),
         *(rod((x, y, 0.6), (x, y, z), 0.012) for x, y, z in rim[1::7]),
-        draw.pick(styles),
+        draw.pick((base, base, pedestal)),
     )
