@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from pcrdiff.data.raw import Mesh
 from pcrdiff.loops import Progress, silent
 from pipeline.synthetic.scenes.rays import RayScene
-from pipeline.synthetic.scenes.street import MATERIALS, Part, Road, sample_street
+from pipeline.synthetic.scenes.street import Material, Road, sample_street
 from pipeline.synthetic.shapes.solids import join
 
 Pose = Float64[np.ndarray, "4 4"]
@@ -63,7 +62,8 @@ def _write_sequence(root: Path, sequence: int, scans: int, seed: int) -> None:
     layout = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(sequence,)))
     road, parts = sample_street(2 * STREET_BEYOND + 2.0 * scans, generator=layout)
     drive = _sample_drive(road, scans, generator=layout)
-    rays = RayScene(_by_material(parts))
+    meshes = [[mesh for made_of, mesh in parts if made_of is m] for m in Material]
+    rays = RayScene([join(*of_one) for of_one in meshes])
     folder = root / "sequences" / f"{sequence:02d}"
     (folder / "velodyne").mkdir(parents=True, exist_ok=True)
     (root / "poses").mkdir(exist_ok=True)
@@ -102,11 +102,6 @@ def _lidar_pose(road: Road, s: float, left: float, roll: float, pitch: float) ->
     return T_world_lidar
 
 
-def _by_material(parts: list[Part]) -> list[Mesh]:
-    """One mesh per entry of ``MATERIALS``, so that a hit names its material."""
-    return [join(*(mesh for made_of, mesh in parts if made_of is m)) for m in MATERIALS]
-
-
 def _beams() -> Float64[np.ndarray, "rays 3"]:
     """Unit directions, beam by beam from the top, each turning counter-clockwise from ahead."""
     elevation, azimuth = np.meshgrid(
@@ -129,8 +124,8 @@ def _scan(
     """
     beams = _beams()
     hits = rays.cast(T_world_lidar[:3, 3], beams @ T_world_lidar[:3, :3].T)
-    reflectance = np.array([m.reflectance for m in MATERIALS])[hits.part] * hits.cosine**0.5
-    lost = np.array([m.lost for m in MATERIALS])[hits.part]
+    returned, lost = np.array([material.value for material in Material])[hits.part].T
+    reflectance = returned * hits.cosine**0.5
     distance = hits.distance + RANGE_NOISE * generator.standard_normal(len(beams))
     strong = distance < REACH * np.clip(2.2 * reflectance, 0.2, 1.0) ** 0.5
     kept = (hits.part >= 0) & strong & (distance > 1.0) & (generator.random(len(beams)) > lost)

@@ -117,10 +117,10 @@ def _cartons(draw: Draw) -> Mesh:
     return pile
 
 
-def _chair(draw: Draw) -> Mesh:
-    """A chair over which a camera can look."""
-    chair = _grounded(make("chair", draw))
-    return stretch(chair, (1, 1, min(1.0, 1.05 / float(chair.vertices[:, 2].max()))))
+def _low(mesh: Mesh) -> Mesh:
+    """The mesh on z = 0, and so low that the camera looks over it."""
+    stood = _grounded(mesh)
+    return stretch(stood, (1, 1, min(1.0, _HEADROOM / float(stood.vertices[:, 2].max()))))
 
 
 def _workplace(draw: Draw) -> Mesh:
@@ -128,7 +128,8 @@ def _workplace(draw: Draw) -> Mesh:
     desk, x = _grounded(make("desk", draw)), draw(-0.3, 0.3)
     desk = _on(desk, make("monitor", draw), x, 0.05, draw(-20, 20))
     desk = _on(desk, make("keyboard", draw), x, -0.2, draw(-6, 6))
-    return join(_strewn(desk, 5, draw), place(_chair(draw), (x, -0.75, 0), draw(120, 240)))
+    chair = place(_low(make("chair", draw)), (x, -0.75, 0), draw(120, 240))
+    return join(_strewn(desk, 5, draw), chair)
 
 
 def _group(kind: str, draw: Draw) -> Mesh:
@@ -139,8 +140,8 @@ def _group(kind: str, draw: Draw) -> Mesh:
     seats = [(x * width, side) for x in (-0.25, 0.25) for side in (-1, 1)]
     for x, side in seats[: draw.whole(2, 4) if kind in _DINING else 0]:
         at = (x, side * (depth / 2 + draw(0.05, 0.35)), 0)
-        group = join(group, place(_chair(draw), at, 90 - 90 * side + draw(-25, 25)))
-    return group
+        group = join(group, place(make("chair", draw), at, 90 - 90 * side + draw(-25, 25)))
+    return _low(group)
 
 
 def _at_wall(mesh: Mesh, wall: int, along: float, floor: tuple[float, float]) -> Mesh:
@@ -181,7 +182,8 @@ def _stand(
 
 def _in_the_way(piece: Mesh, floor: tuple[float, float]) -> bool:
     """Whether the camera might touch the piece on its walk round the room."""
-    high = piece.vertices[piece.vertices[:, 2] > _HEADROOM, :2]
+    points = np.concatenate([piece.vertices, piece.vertices[piece.faces].mean(axis=1)])
+    high = points[points[:, 2] > _HEADROOM, :2]
     return bool((np.linalg.norm(high / floor - 0.5, axis=1) < _WALK + _WAVER + _ELBOWROOM).any())
 
 

@@ -1,6 +1,7 @@
 """Streets of random course and frontage: ground, houses, cars, trees and street furniture."""
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from jaxtyping import Float64
@@ -24,32 +25,22 @@ from pipeline.synthetic.shapes.vehicles import car_parts
 Metres = Float64[np.ndarray, " stations"]
 
 
-@dataclass(frozen=True)
-class Material:
-    """How a surface answers a laser pulse."""
+class Material(Enum):
+    """How a surface answers a pulse: the share returned head on, and of pulses that get lost."""
 
-    reflectance: float
-    """Share returned head on, 0 to 1."""
-    lost: float
-    """Share of the pulses that never come back."""
+    ASPHALT = (0.22, 0.03)
+    PAVING = (0.34, 0.02)
+    GRASS = (0.42, 0.03)
+    PLASTER = (0.45, 0.01)
+    BRICK = (0.30, 0.01)
+    GLASS = (0.12, 0.75)
+    PAINT = (0.35, 0.12)
+    RUBBER = (0.08, 0.10)
+    LEAF = (0.40, 0.06)
+    BARK = (0.25, 0.02)
+    METAL = (0.50, 0.03)
+    SIGN = (0.99, 0.0)
 
-
-ASPHALT = Material(0.22, 0.03)
-PAVING = Material(0.34, 0.02)
-GRASS = Material(0.42, 0.03)
-PLASTER = Material(0.45, 0.01)
-BRICK = Material(0.30, 0.01)
-GLASS = Material(0.12, 0.75)
-PAINT = Material(0.35, 0.12)
-RUBBER = Material(0.08, 0.10)
-LEAF = Material(0.40, 0.06)
-BARK = Material(0.25, 0.02)
-METAL = Material(0.50, 0.03)
-SIGN = Material(0.99, 0.0)
-MATERIALS = (
-    *(ASPHALT, PAVING, GRASS, PLASTER, BRICK, GLASS),
-    *(PAINT, RUBBER, LEAF, BARK, METAL, SIGN),
-)
 
 Part = tuple[Material, Mesh]
 
@@ -128,11 +119,11 @@ def _ground(road: Road, generator: np.random.Generator) -> list[Part]:
     half, far = road.half_width, road.half_width + 3.0
     land = np.array([far, far + 2, far + 5, far + 10, 20, 28, 36])
     strips = (
-        (ASPHALT, np.linspace(-half, half, 5)),
-        (PAVING, np.array([half, half + 0.02, far])),
-        (PAVING, np.array([-far, -half - 0.02, -half])),
-        (GRASS, land),
-        (GRASS, -land[::-1]),
+        (Material.ASPHALT, np.linspace(-half, half, 5)),
+        (Material.PAVING, np.array([half, half + 0.02, far])),
+        (Material.PAVING, np.array([-far, -half - 0.02, -half])),
+        (Material.GRASS, land),
+        (Material.GRASS, -land[::-1]),
     )
     return [(material, _strip(road, left, generator)) for material, left in strips]
 
@@ -182,21 +173,18 @@ def _town_house(length: float, draw: Draw) -> list[Part]:
     x = np.linspace(-length / 2, length / 2, 2 * axes + 1).tolist()  # piers, windows in between
     levels = [max(floor * storey - 0.2, 0.0) for floor in range(floors + 1)]
     windows = [(at, z + 1.1) for z in levels[:-1] for at in x[1::2]]
+    balconies = [(at, z) for at, z in windows if z > 2 and draw.chance(0.15)]
     masonry = [
         (length, depth, height, 0, depth / 2 + 0.3, 0),
         (length + 0.3, depth + 0.6, 0.3, 0, depth / 2, height),
         *((length / axes - pane, 0.3, height, at, 0.15, 0) for at in x[::2]),
         *((length, 0.28, 1.1, 0, 0.16, z) for z in levels),
-        *(
-            (pane + 0.8, 1, 1.1, at, -0.5, z - 1.1)
-            for at, z in windows
-            if z > 2 and draw.chance(0.15)
-        ),
+        *((pane + 0.8, 1, 1.1, at, -0.5, z - 1.1) for at, z in balconies),
     ]
     parts = [
-        (draw.pick((PLASTER, PLASTER, BRICK)), boxes(*masonry)),
-        (GLASS, boxes(*((pane, 0.04, storey - 1.1, at, 0.27, z) for at, z in windows))),
-        (BARK, boxes((1.3, 0.1, 2.3, draw(-0.3, 0.3) * length, -0.02, 0))),
+        (draw.pick((Material.PLASTER, Material.PLASTER, Material.BRICK)), boxes(*masonry)),
+        (Material.GLASS, boxes(*((pane, 0.04, storey - 1.1, at, 0.27, z) for at, z in windows))),
+        (Material.BARK, boxes((1.3, 0.1, 2.3, draw(-0.3, 0.3) * length, -0.02, 0))),
     ]
     return _set(parts, (0, draw(0.0, 1.2), 0))
 
@@ -216,7 +204,7 @@ def _garden_house(length: float, draw: Draw) -> list[Part]:
         (2.0, 1.4, 2.5, draw(-0.2, 0.2) * width, -0.6, 0),
     )
     roof = boxes((width + 0.8, depth + 1, rise, 0, depth / 2, eaves), taper=(1, 0.02))
-    house = [(PLASTER, walls), (BRICK, roof), (GLASS, boxes(*panes))]
+    house = [(Material.PLASTER, walls), (Material.BRICK, roof), (Material.GLASS, boxes(*panes))]
     border = _fence if draw.chance(0.6) else _hedge
     return [
         *_set(house, (draw(-0.1, 0.1) * length, setback, 0)),
@@ -238,7 +226,7 @@ def _fence(length: float, draw: Draw) -> list[Part]:
     height, end = draw(0.9, 1.4), length / 2
     pales = [(0.09, 0.03, height, x, 0.1, 0) for x in np.arange(-end, end, 0.22).tolist()]
     rails = [(length, 0.05, 0.08, 0, 0.14, height * z) for z in (0.25, 0.8)]
-    return [(BARK, boxes(*pales, *rails))]
+    return [(Material.BARK, boxes(*pales, *rails))]
 
 
 def _hedge(length: float, draw: Draw) -> list[Part]:
@@ -247,19 +235,19 @@ def _hedge(length: float, draw: Draw) -> list[Part]:
         place(foliage((0.9, 0.5, height / 2), 160, 0.16, generator=draw.generator), (x, 0.6, 0))
         for x in spaced(-length / 2, length / 2, count)
     ]
-    return [(LEAF, join(*crowns, boxes((length, 0.4, 0.8 * height, 0, 0.6, 0))))]
+    return [(Material.LEAF, join(*crowns, boxes((length, 0.4, 0.8 * height, 0, 0.6, 0))))]
 
 
 def _tree(draw: Draw) -> list[Part]:
     stem, radius, height, thick = draw(2.0, 3.2), draw(1.5, 2.8), draw(1.8, 3.2), draw(0.12, 0.25)
     crown = foliage((radius, radius, height), int(180 * radius), 0.3, generator=draw.generator)
     trunk = lathe([(thick, 0), (thick / 2, stem + height)], sides=8)
-    return [(BARK, trunk), (LEAF, place(crown, (0, 0, stem)))]
+    return [(Material.BARK, trunk), (Material.LEAF, place(crown, (0, 0, stem)))]
 
 
 def _bush(draw: Draw) -> list[Part]:
     radii = (draw(0.5, 1.1), draw(0.5, 1.1), draw(0.5, 1.1))
-    return [(LEAF, foliage(radii, 220, 0.16, generator=draw.generator))]
+    return [(Material.LEAF, foliage(radii, 220, 0.16, generator=draw.generator))]
 
 
 def foliage(
@@ -290,9 +278,9 @@ def _kerbside(road: Road, joins: list[float], side: int, draw: Draw) -> list[Par
             parts += road.stand(_car(draw), s + draw(-0.6, 0.6), left, turn_deg)
         if draw.chance(0.6 * planted):
             parts += road.stand(_tree(draw), s + 3.0, side * (road.half_width + 0.8))
-        thing, left = draw.pick((_lamp_post, _sign, _bin, _person)), draw(0.5, 2.3)
         if draw.chance(0.55):
-            parts += road.stand(thing(draw), s + 1.5, side * (road.half_width + left), 90 * side)
+            left = side * (road.half_width + draw(0.5, 2.3))
+            parts += road.stand(_thing(draw), s + 1.5, left, 90 * side)
     return parts
 
 
@@ -300,25 +288,23 @@ def _car(draw: Draw) -> list[Part]:
     """A car with its number plate behind; its front to -y."""
     body, windows, wheels = car_parts(draw)
     plate = boxes((0.5, 0.02, 0.11, 0, float(body.vertices[:, 1].max()) + 0.01, 0.45))
-    return [(PAINT, body), (GLASS, windows), (RUBBER, wheels), (SIGN, plate)]
+    return [
+        (Material.PAINT, body),
+        (Material.GLASS, windows),
+        (Material.RUBBER, wheels),
+        (Material.SIGN, plate),
+    ]
 
 
-def _lamp_post(draw: Draw) -> list[Part]:
-    height = draw(5.0, 8.0)
-    post = lathe([(0.1, 0), (0.06, height)], sides=8)
-    return [(METAL, join(post, boxes((1.4, 0.12, 0.12, -0.6, 0, height))))]
-
-
-def _sign(draw: Draw) -> list[Part]:
-    """A sign; its plate faces along the road, for the part's x axis points across it."""
-    height, (wide, tall) = draw(1.9, 2.4), draw.pick(((0.6, 0.6), (0.9, 0.35)))
-    post = rod((0, 0, 0), (0, 0, height + 0.6), 0.035)
-    return [(METAL, post), (SIGN, boxes((wide, 0.03, tall, 0, 0.05, height)))]
-
-
-def _bin(draw: Draw) -> list[Part]:
-    return [(RUBBER, boxes((0.55, 0.6, draw(0.9, 1.2), 0, 0, 0)))]
-
-
-def _person(draw: Draw) -> list[Part]:
-    return [(LEAF, make("person", draw))]
+def _thing(draw: Draw) -> list[Part]:
+    """A lamp post, a sign, a bin or a person; what is flat faces along the road, across x."""
+    tall, high, (wide, deep) = draw(5.0, 8.0), draw(1.9, 2.4), draw.pick(((0.6, 0.6), (0.9, 0.35)))
+    lamp = join(lathe([(0.1, 0), (0.06, tall)], 8), boxes((1.4, 0.12, 0.12, -0.6, 0, tall)))
+    post, plate = rod((0, 0, 0), (0, 0, high + 0.6), 0.035), (wide, 0.03, deep, 0, 0.05, high)
+    things: tuple[list[Part], ...] = (
+        [(Material.METAL, lamp)],
+        [(Material.METAL, post), (Material.SIGN, boxes(plate))],
+        [(Material.RUBBER, boxes((0.55, 0.6, draw(0.9, 1.2), 0, 0, 0)))],
+        [(Material.LEAF, make("person", draw))],
+    )
+    return draw.pick(things)

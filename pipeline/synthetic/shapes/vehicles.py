@@ -47,7 +47,8 @@ def airplane(draw: Draw) -> Mesh:
         join(*(turn(blade, "y", angle) for angle in (20, 140, 260))),
     )
     right = join(wing, tailplane, gear, draw.pick(engines))
-    return join(tube(along, (radius * body[:, 0]).tolist(), 16), fin, both_sides(right))
+    made = join(tube(along, (radius * body[:, 0]).tolist(), 16), fin, both_sides(right))
+    return stretch(made, (30, 30, 30))
 
 
 def _wing(root: Vector, tip: Vector, chord: Real) -> Mesh:
@@ -118,7 +119,7 @@ def person(draw: Draw) -> Mesh:
         leg = _limb(LEG, side * stride, draw(0, 30) * (0.2 if side * stride > 0 else 1))
         parts.append(place(turn(arm, "y", -side * raised), (side * 0.115, 0, 0.81)))
         parts.append(place(leg, (side * 0.058, 0, 0.5)))
-    return join(*parts)
+    return stretch(join(*parts), (1.72, 1.72, 1.72))
 
 
 Limb = tuple[Real, tuple[Real, Real, Real], Vector, Real]

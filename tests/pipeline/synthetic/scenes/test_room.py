@@ -20,8 +20,9 @@ def test_a_room_keeps_within_its_walls_and_holds_furniture(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_camera_never_touches_the_furniture(kind: str) -> None:
-    generator = np.random.default_rng(9)
+@pytest.mark.parametrize("seed", [9, 17, 23])
+def test_the_camera_never_touches_the_furniture(kind: str, seed: int) -> None:
+    generator = np.random.default_rng(seed)
     room = sample_room(kind, generator=generator)
     path = sample_camera_path(room, 60, 0.1, generator=generator)
     rays = RayScene([room.mesh])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.synthetic.scenes.rays import RayScene
-from pipeline.synthetic.scenes.street import MATERIALS, foliage, sample_road, sample_street
+from pipeline.synthetic.scenes.street import Material, foliage, sample_road, sample_street
 
 LENGTH = 150.0
 
@@ -45,7 +45,7 @@ def test_every_material_is_somewhere_and_none_is_unknown() -> None:
     for seed in range(3):
         _, parts = sample_street(LENGTH, generator=np.random.default_rng(seed))
         seen |= {material for material, _ in parts}
-    assert seen == set(MATERIALS)
+    assert seen == set(Material)
 
 
 def test_leaves_stay_in_their_crown_and_let_some_rays_through() -> None:
