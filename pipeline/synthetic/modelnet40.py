@@ -62,7 +62,7 @@ def write_modelnet40(
         split = "train" if number <= train_per_category else "test"
         path = root / category / split / f"{category}_{number:04d}.off"
         path.parent.mkdir(parents=True, exist_ok=True)
-        generator = np.random.default_rng(np.random.SeedSequence([seed, place, number]))
+        generator = np.random.default_rng([seed, place, number])
         path.write_text(_off(make_shape(category, generator=generator)), encoding="ascii")
 
 

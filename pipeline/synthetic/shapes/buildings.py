@@ -108,25 +108,25 @@ def mantel(draw: Draw) -> Mesh:
 def stairs(draw: Draw) -> Mesh:
     """Stairs with a rail: straight, or with a landing and a corner."""
     count, side = draw.whole(6, 12), draw.pick((-1, 0, 0, 1))
-    flight, top, end = _flight(count, draw.pick((1, 2, 3)), draw), 0.175 * count, 0.28 * count
+    flight, top, end = _flight(count, draw), 0.175 * count, 0.28 * count
     if side == 0:
         return flight
-    second = place(_flight(draw.whole(3, 6), 1, draw), (side * 0.55, end + 0.55, top), -90 * side)
+    second = place(_flight(draw.whole(3, 6), draw), (side * 0.55, end + 0.55, top), -90 * side)
     landing = boxes((1.1, 1.1, 0.1, 0, end + 0.55, top - 0.1), (0.12, 0.12, top, 0, end + 1.04, 0))
     return join(flight, landing, second)
 
 
-def _flight(count: int, rails: int, draw: Draw) -> Mesh:
-    """Steps up towards +y, massive or open; ``rails`` is 1 for the left one, 2 right, 3 both."""
-    solid, end, top = draw.chance(0.5), 0.28 * count, 0.175 * count
+def _flight(count: int, draw: Draw) -> Mesh:
+    """Steps up towards +y, massive or between beams, with a rail on the left, right or both."""
+    end, top = 0.28 * count, 0.175 * count
     steps = [(0.28 * (n + 0.5), 0.175 * (n + 1)) for n in range(count)]
-    rows = [(1.1, 0.3, z, 0, y, 0) if solid else (1.1, 0.3, 0.05, 0, y, z - 0.05) for y, z in steps]
+    massive = boxes(*((1.1, 0.3, z, 0, y, 0) for y, z in steps))
     beam = slab([(0, 0), (0.2, 0), (end, top - 0.1), (end, top)], (0.51, 0.55), "x")
+    treads = boxes(*((1.1, 0.3, 0.05, 0, y, z - 0.05) for y, z in steps))
     posts = [rod((0.52, y, z), (0.52, y, z + 0.85), 0.015) for y, z in steps[::2]]
-    rail = join(rod((0.52, 0.14, 1.03), (0.52, steps[-1][0], top + 0.85), 0.03), *posts)
-    left = stretch(rail, (-1, 1, 1))
-    handrails = ([left], [rail], [left, rail])[rails - 1]
-    return join(boxes(*rows), *handrails, *([] if solid else [both_sides(beam)]))
+    right = join(rod((0.52, 0.14, 1.03), (0.52, steps[-1][0], top + 0.85), 0.03), *posts)
+    rails = draw.pick((right, stretch(right, (-1, 1, 1)), both_sides(right)))
+    return join(draw.pick((massive, join(treads, both_sides(beam)))), rails)
 
 
 def tent(draw: Draw) -> Mesh:

@@ -22,7 +22,6 @@ Outline = Sequence[Sequence[Real] | Float64[np.ndarray, "2"]] | Float64[np.ndarr
 Path = Sequence[Vector] | Float64[np.ndarray, "_ 3"]
 Axis = Literal["x", "y", "z"]
 
-_AXES: dict[Axis, int] = {"x": 0, "y": 1, "z": 2}
 _FLAT = 1e-9  # of the squared extent: a face smaller than this is a seam, not a face
 _CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 _BOX_FACES = np.array(
@@ -189,7 +188,7 @@ def rod(start: Vector, end: Vector, radius: Real, end_radius: Real | None = None
 
 def disc(axis: Axis, radius: Real, thickness: Real, at: Vector, sides: int = 20) -> Mesh:
     """A flat cylinder about ``at``, its axis along ``axis``."""
-    half = np.eye(3)[_AXES[axis]] * thickness / 2
+    half = np.eye(3)["xyz".index(axis)] * thickness / 2
     return tube(np.stack([-half, half]) + np.asarray(at, dtype=np.float64), radius, sides=sides)
 
 
@@ -199,7 +198,7 @@ def slab(outline: Outline, span: Span, axis: Axis = "z") -> Mesh:
     The outline holds the other two coordinates in their order x, y, z.
     """
     flat = np.asarray(outline, dtype=np.float64)
-    return skin(np.stack([np.insert(flat, _AXES[axis], at, axis=1) for at in span]))
+    return skin(np.stack([np.insert(flat, "xyz".index(axis), at, axis=1) for at in span]))
 
 
 def sheet(surface: Float64[np.ndarray, "columns rows 3"], thickness: Vector) -> Mesh:

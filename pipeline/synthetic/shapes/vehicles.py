@@ -57,11 +57,13 @@ def _wing(root: Vector, tip: Vector, chord: Real) -> Mesh:
     return skin(np.stack([flat + np.asarray(root), 0.5 * flat + np.asarray(tip)]))
 
 
-CARS = (
-    *((-1.0, 1.5, -0.35, 0.95, 1.48), (-1.1, 2.05, -0.5, 1.8, 1.48), (-1.8, 2.1, -1.3, 2.0, 1.9)),
-    *((-1.1, 0.45, -0.6, 0.3, 1.7), (-0.5, 1.8, 0.1, 0.85, 1.22)),
+CARS = (  # where the cabin begins and ends, below and above; height
+    (-1.0, 1.5, -0.35, 0.95, 1.48),  # saloon
+    (-1.1, 2.05, -0.5, 1.8, 1.48),  # estate
+    (-1.8, 2.1, -1.3, 2.0, 1.9),  # van
+    (-1.1, 0.45, -0.6, 0.3, 1.7),  # pick-up
+    (-0.5, 1.8, 0.1, 0.85, 1.22),  # sports car
 )
-"""Saloon, estate, van, pick-up, sports car: where the cabin begins and ends, low and high; height."""
 
 
 def car(draw: Draw) -> Mesh:
