@@ -133,7 +133,9 @@ def _workplace(draw: Draw) -> Mesh:
 
 
 def _group(kind: str, draw: Draw) -> Mesh:
-    """What stands in the middle of the room: a laid table, with two to four chairs or without."""
+    """What stands in the middle: cartons beside a bed, else a laid table, with chairs or without."""
+    if "bed" in _AT_THE_WALL[kind]:
+        return _cartons(draw)
     table = _grounded(make("table", draw))
     width, depth = np.ptp(table.vertices[:, :2], axis=0).tolist()
     group = _strewn(table, 6, draw)

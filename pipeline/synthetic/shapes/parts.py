@@ -31,7 +31,7 @@ def stand(style: Stand, width: Real, depth: Real, height: Real, thickness: Real)
     """What carries a seat, top or body whose underside is at ``height``, about the z axis."""
     x, y = (width - thickness) / 2, (depth - thickness) / 2
     if style == "pedestal":
-        foot = min(width, depth) / 2
+        foot = 0.35 * min(width, depth)
         knots = [(foot, 0), (foot, 0.03), (thickness, 0.08), (thickness, height - 0.02)]
         return lathe([*knots, (1.5 * thickness, height)])
     if style == "star":

@@ -174,7 +174,7 @@ def stool(draw: Draw) -> Mesh:
     on_legs = [rod((x, y, 0), (0.75 * x, 0.75 * y, 0.57), 0.018) for x, y in ends[1:]]
     ring = tube([(x, y, step) for x, y in arc(0.19, 180, 360).tolist()], 0.012)
     spokes = rod((-0.19, 0, step), (0.19, 0, step), 0.012)
-    pedestal = join(stand("pedestal", 2 * spread, 2 * spread, 0.57, 0.03), ring, spokes)
+    pedestal = join(stand("pedestal", 3 * spread, 3 * spread, 0.57, 0.03), ring, spokes)
     base = join(*on_legs, rod(left, right, 0.022))
     return join(
         cushion((0.38, 0.38, 0.05), (0, 0, 0.57), draw.pick((2, 7))),
