@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.measuring import Comparison, alternate
 from pcrdiff.bindings.open3d import open3d
-from pcrdiff.data.synthetic.modelnet40 import write_modelnet40
 from pcrdiff.datasets.items import RawItem
 from pcrdiff.datasets.modelnet40 import read_items
 from pcrdiff.pairs.scenarios import Corruption, make_pairs
@@ -24,6 +23,7 @@ from pipeline.compute.progress import bar
 from pipeline.compute.workers import spread_over
 from pipeline.formats.pairs import Streamed, write_pairs
 from pipeline.settings.params import Compute
+from pipeline.synthetic.modelnet40 import write_modelnet40
 
 NUM_POINTS, WORKERS = 2048, 2
 REAL_TIMES = 12  # there are few real ones at hand

@@ -5,14 +5,14 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from pcrdiff.data.synthetic.kitti import write_kitti
-from pcrdiff.data.synthetic.modelnet40 import write_modelnet40
-from pcrdiff.data.synthetic.threedmatch import write_threedmatch
 from pcrdiff.datasets.download import Archive, download_archives, refuse_download
 from pcrdiff.datasets.manifest import refuse_foreign, write_manifest
 from pipeline.compute.progress import bar
 from pipeline.settings.params import Acquire, pick, read_params
 from pipeline.settings.seeding import stream
+from pipeline.synthetic.kitti import write_kitti
+from pipeline.synthetic.modelnet40 import write_modelnet40
+from pipeline.synthetic.threedmatch import write_threedmatch
 from pipeline.tracking.journal import journal
 from pipeline.tracking.run import project_root
 

@@ -9,7 +9,7 @@ import torch
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
-install_import_hook(("pcrdiff",), "beartype.beartype")
+install_import_hook(("pcrdiff", "pipeline.synthetic"), "beartype.beartype")
 settings.register_profile("pcrdiff", deadline=None, derandomize=True)
 settings.load_profile("pcrdiff")
 torch.set_num_threads(1)

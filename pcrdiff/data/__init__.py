@@ -1,1 +1,0 @@
-"""Raw data sets, and how pairs are made from them."""

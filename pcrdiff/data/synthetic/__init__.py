@@ -1,1 +1,0 @@
-"""Made-up data sets in the official layouts."""

@@ -1,0 +1,1 @@
+"""Rooms and streets, and the rays that see them."""
