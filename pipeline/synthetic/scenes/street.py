@@ -297,7 +297,9 @@ def _car(draw: Draw) -> list[Part]:
 
 
 def _thing(draw: Draw) -> list[Part]:
-    """A lamp post, a sign, a bin or a person; what is flat faces along the road, across x."""
+    """A person, a lamp post, a sign or a bin; what is flat faces along the road, across x."""
+    if draw.chance(0.25):
+        return [(Material.LEAF, make("person", draw))]
     tall, high, (wide, deep) = draw(5.0, 8.0), draw(1.9, 2.4), draw.pick(((0.6, 0.6), (0.9, 0.35)))
     lamp = join(lathe([(0.1, 0), (0.06, tall)], 8), boxes((1.4, 0.12, 0.12, -0.6, 0, tall)))
     post, plate = rod((0, 0, 0), (0, 0, high + 0.6), 0.035), (wide, 0.03, deep, 0, 0.05, high)
@@ -305,6 +307,5 @@ def _thing(draw: Draw) -> list[Part]:
         [(Material.METAL, lamp)],
         [(Material.METAL, post), (Material.SIGN, boxes(plate))],
         [(Material.RUBBER, boxes((0.55, 0.6, draw(0.9, 1.2), 0, 0, 0)))],
-        [(Material.LEAF, make("person", draw))],
     )
     return draw.pick(things)
