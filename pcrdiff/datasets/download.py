@@ -18,8 +18,6 @@ from pcrdiff.datasets.unpacking import unpack_zip
 from pcrdiff.loops import Progress, silent
 
 CHUNK_BYTES = 1 << 20
-
-
 TIMEOUT_SECONDS = 30.0
 
 
@@ -44,9 +42,6 @@ def refuse_download(dataset: str) -> None:
             "odometry velodyne scans, calibration and poses there, unpack them, and use "
             "`source: local` with that folder"
         )
-
-
-# The manifest.
 
 
 def download_archives(

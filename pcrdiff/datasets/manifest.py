@@ -7,15 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pcrdiff.datasets.listing import entries, walk_files
+from pcrdiff.datasets.listing import entries, naming, walk_files
 from pcrdiff.loops import Progress, silent
 
 Origin = Literal["synthetic", "local", "download"]
-
-
 MANIFEST = "manifest.json"
-
-
 SCHEMA = 1
 
 
@@ -65,10 +61,8 @@ def _list_files(folder: Path, skip: Path) -> list[Path]:
 
 def _describe(path: Path, folder: Path) -> dict[str, str | int]:
     """What a manifest says of one file."""
-    try:
+    with naming(path, "read"):
         size, digest = path.stat().st_size, hash_file(path)
-    except OSError as error:
-        raise type(error)(f"{path} cannot be read: {error.strerror or error}") from error
     return {"path": path.relative_to(folder).as_posix(), "size": size, "sha256": digest}
 
 
@@ -230,6 +224,3 @@ def _load_manifest(path: Path) -> dict[str, Any]:
     if manifest["schema"] != SCHEMA:
         raise ValueError(f"{path} needs schema {SCHEMA}, got {manifest['schema']}")
     return manifest
-
-
-# Archives from the network.
