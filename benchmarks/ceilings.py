@@ -37,20 +37,11 @@ def measure_ceilings(effort: Effort, environment: str) -> list[Ceiling]:
     """Matrix products and a copy, then the loops, all in turn."""
     works = [*machine_works(effort), *cf_loops(effort), *cb_loops(effort.points)]
     seconds = alternate([work.call for work in works], effort.repeats, WARM_UP)
-    taken = [summarise(each) for each in seconds]
-    gemm = max(
-        work.flop / took.median
-        for work, took in zip(works, taken, strict=True)
-        if work.name.endswith("float32 product")
-    )
-    copy = max(
-        work.traffic / took.median
-        for work, took in zip(works, taken, strict=True)
-        if work.name == "copy"
-    )
-    return [
-        row(work, took, gemm, copy, environment) for work, took in zip(works, taken, strict=True)
-    ]
+    taken = list(zip(works, map(summarise, seconds), strict=True))
+    products = [each for each in taken if each[0].name.endswith("float32 product")]
+    gemm = max(work.flop / took.median for work, took in products)
+    copy = next(work.traffic / took.median for work, took in taken if work.name == "copy")
+    return [row(work, took, gemm, copy, environment) for work, took in taken]
 
 
 def row(work: Work, took: Summary, gemm: float, copy: float, environment: str) -> Ceiling:

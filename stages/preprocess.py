@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
 
@@ -44,12 +44,8 @@ def main(argv: list[str] | None = None) -> None:
     section = pick(params.scenarios, args.scenario, "scenarios")
     family = params.acquire[section.dataset].family
     settle(threads=1)  # a pair has no work for more
-    shown = {
-        "scenario": args.scenario,
-        "dataset": section.dataset,
-        "num_points": section.num_points,
-    }
-    with journal(params=shown, inputs=[args.raw]) as notes:
+    noted = {"dataset": section.dataset, "num_points": section.num_points}
+    with journal(params={"scenario": args.scenario, **noted}, inputs=[args.raw]) as notes:
         spread = spread_over(params.compute, threads=1)
         made = preprocess(args.scenario, section, family, args.raw, seed=params.seed, spread=spread)
         write_pairs(args.pairs, made.splits, made.label, made.attributes)
@@ -135,16 +131,7 @@ def preprocess(
 
 def corruption_of(scenario: Scenario) -> Corruption:
     """How the scenario makes a pair of an item, with the angle in radians."""
-    return Corruption(
-        num_points=scenario.num_points,
-        sampling=scenario.sampling,
-        max_rotation=scenario.max_rotation,
-        max_translation=scenario.max_translation,
-        jitter_deviation=scenario.jitter_deviation,
-        jitter_clip=scenario.jitter_clip,
-        keep=scenario.keep,
-        normals=scenario.normals,
-    )
+    return Corruption(**{each.name: getattr(scenario, each.name) for each in fields(Corruption)})
 
 
 def _origin(scenario: Scenario, family: str, manifest: Manifest) -> dict[str, object]:

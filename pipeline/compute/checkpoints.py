@@ -63,7 +63,10 @@ class DiskCheckpoint:
         except TypeError as error:
             raise ValueError(f"a checkpoint's record must be JSON: {error}") from error
         self._saved_at = time.monotonic()
-        copies = {name: _on_cpu(tensor) for name, tensor in tensors.items()}
+        copies = {  # which share memory with nothing, as safetensors wants it
+            name: tensor.detach().to("cpu", copy=True).contiguous()
+            for name, tensor in tensors.items()
+        }
         try:
             self._replace(copies, text)
         except (SafetensorError, OSError) as error:
@@ -82,7 +85,7 @@ class DiskCheckpoint:
 
 
 class NoCheckpoint:
-    """What the processes have that train along with the first, which keeps the state of all."""
+    """A training that is not resumed, or of a process beside the first, which keeps the state."""
 
     def due(self) -> bool:
         """Say that there is nothing to do."""
@@ -120,8 +123,7 @@ def open_checkpoint(
     try:
         lock.acquire()
     except Timeout as error:
-        owner = _owner(folder)
-        same = f"another training with the same params and inputs is running ({owner})"
+        same = f"another training with the same params and inputs is running ({_owner(folder)})"
         raise ValueError(f"{same}; it holds {lock.lock_file}") from error
     try:
         folder.mkdir(parents=True, exist_ok=True)  # the holder before may have just removed it
@@ -165,11 +167,6 @@ def _read(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, object]]:
     with safe_open(path, framework="pt") as file:
         record: dict[str, object] = json.loads(file.metadata()[RECORD])
         return {name: file.get_tensor(name).clone() for name in file.keys()}, record  # noqa: SIM118  no mapping
-
-
-def _on_cpu(tensor: torch.Tensor) -> torch.Tensor:
-    """Return a copy that shares memory with nothing, as safetensors wants it."""
-    return tensor.detach().to("cpu", copy=True).contiguous()
 
 
 def _owner(folder: Path) -> str:

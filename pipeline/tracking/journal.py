@@ -46,12 +46,8 @@ class Journal:
         except (OSError, NotImplementedError) as error:
             _warn(f"nothing of this stage will reach MLflow: {error}")
 
-    def metric(self, name: str, value: float, step: int | None = None) -> None:
-        """Note one number; ``step`` (an epoch, say) makes it a point of a curve."""
-        self.metrics({name: value}, step)
-
     def metrics(self, values: Mapping[str, float], step: int | None = None) -> None:
-        """Note several numbers of the same step."""
+        """Note numbers; ``step`` (an epoch, say) makes each a point of a curve."""
         try:
             numbers = {name: float(value) for name, value in values.items()}
         except (TypeError, ValueError) as error:

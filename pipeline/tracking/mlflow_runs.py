@@ -10,7 +10,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from pipeline.formats.yaml_files import read_yaml
+from pipeline.formats.yaml_files import flat, read_yaml
 from pipeline.settings.profiles import profile_values
 from pipeline.tracking.journal import ARTIFACTS
 from pipeline.tracking.records import Point, Record
@@ -144,7 +144,7 @@ class Store:
 
     def _fill(self, run_id: str, record: Record) -> None:
         """Write everything a journal holds into its run."""
-        self._log(run_id, dict(_params(record.params)), record.points)
+        self._log(run_id, _params(record.params), record.points)
         datasets = [_dataset(path, md5) for path, md5 in sorted(record.inputs.items())]
         for batch in _batches(datasets, PARAMS_BATCH):
             self.client.log_inputs(run_id, batch)
@@ -226,23 +226,19 @@ def deviations(root: Path, params_file: Path) -> tuple[str, dict[str, str]]:
     try:
         values = dict(read_yaml(params_file))
         profile = str(values.get("profile", profile))
-        usual = dict(_params(profile_values(root, profile)))
+        usual = _params(profile_values(root, profile))
     except (OSError, TypeError, ValueError):
         return profile, {}
-    given = dict(_params(values))
+    given = _params(values)
     changed = [key for key in sorted({*usual, *given}) if usual.get(key) != given.get(key)]
     return profile, {key: given.get(key, "absent") for key in changed if key != "profile"}
 
 
-def _params(values: Mapping[str, object], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yield ``a.b.c``, text for nested params; lists and empty mappings as JSON."""
-    for name, value in values.items():
-        key = f"{prefix}{name}"
-        if isinstance(value, Mapping) and value:
-            yield from _params(value, f"{key}.")
-        else:
-            text = value if isinstance(value, str) else json.dumps(value, default=str)
-            yield _key(key), text[:LONGEST_VALUE]
+def _params(values: Mapping[str, object]) -> dict[str, str]:
+    """Return nested params as ``a.b.c`` -> text; what is no text as JSON."""
+    found = flat(values).items()
+    texts = [(key, v if isinstance(v, str) else json.dumps(v, default=str)) for key, v in found]
+    return {_key(key): text[:LONGEST_VALUE] for key, text in texts}
 
 
 def _dataset(path: str, md5: str) -> "DatasetInput":
