@@ -163,9 +163,6 @@ ABLATIONS: dict[str, Callable[[Given], tuple[Pairs, Answers]]] = {
 }
 
 
-# The walks that the page shows.
-
-
 def write_all_walks(folder: Path, given: Given) -> None:
     """Write ``<scenario>/<method>.csv``: two rows per step, the noisy pose and the prediction."""
     scenario = given.params.ablation.scenario

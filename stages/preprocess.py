@@ -82,13 +82,7 @@ class Preprocessed:
 
 
 def preprocess(
-    name: str,
-    scenario: Scenario,
-    family: str,
-    raw: Path,
-    *,
-    seed: int,
-    spread: Spread = in_turn,
+    name: str, scenario: Scenario, family: str, raw: Path, *, seed: int, spread: Spread = in_turn
 ) -> Preprocessed:
     """List the pairs of one scenario; each is made when it is asked for.
 

@@ -41,13 +41,10 @@ def read_off(path: Path) -> Mesh:
     return _read_plain(content, path) or _read_any(content, path)
 
 
-# As most files are: numbers alone, a vertex or a triangle a line. Parsed in one call each.
-
-
 def _read_plain(content: bytes, path: Path) -> Mesh | None:
-    """Read a mesh without comments, blank lines, polygons or colours; None where it has any.
+    """Read a mesh without comments, blank lines, polygons or colours, as most are, in two calls.
 
-    Also None where anything is wrong with it: ``_read_any`` says what.
+    None where it has any of these, and where anything is wrong with it: ``_read_any`` says what.
     """
     header, _, body = content.partition(b"\n")
     if header.strip() == b"OFF":
@@ -65,9 +62,6 @@ def _read_plain(content: bytes, path: Path) -> Mesh | None:
     if vertices is None or faces is None or (faces[:, 0] != 3).any():
         return None
     return _checked(check_cloud(vertices, str(path)), faces[:, 1:], path)
-
-
-# With everything that the format allows, line by line.
 
 
 def _read_any(content: bytes, path: Path) -> Mesh:

@@ -42,12 +42,8 @@ def write_manifest(
     if not paths:
         raise ValueError(f"a {source} data set needs at least one file, {root} holds none")
     files = [_describe(path, folder) for path in progress(paths, f"hashing {root.name}")]
-    manifest = {
-        "schema": SCHEMA,
-        "source": source,
-        "root": str(root) if source == "local" else ".",
-        "files": files,
-    }
+    place = str(root) if source == "local" else "."
+    manifest = {"schema": SCHEMA, "source": source, "root": place, "files": files}
     out.mkdir(parents=True, exist_ok=True)
     partial = out / f".{MANIFEST}.part"
     partial.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
@@ -60,7 +56,6 @@ def _list_files(folder: Path, skip: Path) -> list[Path]:
 
 
 def _describe(path: Path, folder: Path) -> dict[str, str | int]:
-    """What a manifest says of one file."""
     with naming(path, "read"):
         size, digest = path.stat().st_size, hash_file(path)
     return {"path": path.relative_to(folder).as_posix(), "size": size, "sha256": digest}

@@ -105,9 +105,6 @@ def _read_lines(path: Path) -> list[str]:
     return lines
 
 
-# The original meshes.
-
-
 def _holds_meshes(folder: Path) -> bool:
     return any(
         list_files(split, ".off")
@@ -137,9 +134,6 @@ def _list_category(category: Path) -> list[RawItem]:
             for path in paths
         ]
     return items
-
-
-# modelnet40_ply_hdf5_2048.
 
 
 def _holds_hdf5(folder: Path) -> bool:
@@ -238,9 +232,6 @@ def _say(entry: h5py.Dataset | h5py.Group) -> str:
     if not isinstance(entry, h5py.Dataset):
         return "a group"
     return f"{entry.dtype} {'without any value' if entry.shape is None else entry.shape}"
-
-
-# modelnet40_normal_resampled.
 
 
 def _holds_resampled(folder: Path) -> bool:

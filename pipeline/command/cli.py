@@ -183,7 +183,6 @@ def _fitting_jobs() -> int:
 
 
 def _root() -> Path:
-    """Return the project the command is run in."""
     from pipeline.tracking.run import project_root
 
     _check_user()

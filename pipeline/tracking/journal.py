@@ -191,7 +191,6 @@ def _digests(inputs: Sequence[Path]) -> dict[str, str]:
 
 
 def _warn(sentence: str) -> None:
-    """Say on stderr what the journal lost."""
     try:
         sys.stderr.write(f"pcrdiff journal: {sentence}\n")
     except OSError:

@@ -70,7 +70,8 @@ class Store:
 
     def close_pipelines(self, sent: set[str], running: set[str], finished: str) -> None:
         """End the parents of what was sent, and those an earlier sync had to leave open."""
-        keys = {run.data.tags["pcrdiff.pipeline"] for run in self._open_parents()}
+        runs = self._runs(**{"pcrdiff.kind": "pipeline"})
+        keys = {run.data.tags["pcrdiff.pipeline"] for run in runs if run.info.status == "RUNNING"}
         for key in sorted((keys | sent) - running):
             for parent in self._parents(key)[:1]:
                 alive = is_running(parent.data.tags.get("pcrdiff.invocation", ""))
@@ -78,15 +79,10 @@ class Store:
                     self._close(parent)
 
     def _parent(self, record: Record) -> str:
-        """Return the run of the pipeline, which is looked for once and made if there is none."""
-        key = record.pipeline.key
-        if key not in self.parents:
-            self.parents[key] = self._make_parent(record)
-        return self.parents[key]
-
-    def _make_parent(self, record: Record) -> str:
-        """Find or make the run of the pipeline; if several hosts made one at once, the oldest."""
+        """Find, once, or make the run of the pipeline; if several hosts made one, the oldest."""
         pipeline = record.pipeline
+        if pipeline.key in self.parents:
+            return self.parents[pipeline.key]
         found = self._parents(pipeline.key)
         if not found:
             tags = {"pcrdiff.kind": "pipeline", **_pipeline_tags(pipeline)}
@@ -95,6 +91,7 @@ class Store:
         parent = str(run.info.run_id)
         if "profile" not in run.data.params and record.params_file.is_file():
             self._describe(parent, record.params_file)
+        self.parents[pipeline.key] = parent
         return parent
 
     def _describe(self, parent: str, params_file: Path) -> None:
@@ -122,10 +119,6 @@ class Store:
     def _parents(self, key: str) -> "list[Run]":
         return self._runs(**{"pcrdiff.pipeline": key, "pcrdiff.kind": "pipeline"})
 
-    def _open_parents(self) -> "list[Run]":
-        runs = self._runs(**{"pcrdiff.kind": "pipeline"})
-        return [run for run in runs if run.info.status == "RUNNING"]
-
     def _close(self, parent: "Run") -> None:
         """End a pipeline run as its stages ended; of a stage that ran twice, the later counts."""
         children = self._runs(**{"mlflow.parentRunId": parent.info.run_id})
@@ -143,7 +136,6 @@ class Store:
         self.client.set_experiment_tag(self.experiment, VIEW_TAG, view)
 
     def _fill(self, run_id: str, record: Record) -> None:
-        """Write everything a journal holds into its run."""
         self._log(run_id, _params(record.params), record.points)
         datasets = [_dataset(path, md5) for path, md5 in sorted(record.inputs.items())]
         for batch in _batches(datasets, PARAMS_BATCH):
@@ -190,7 +182,6 @@ def runs_page(client: "MlflowClient", experiment: str) -> str:
 
 
 def _tags(record: Record) -> dict[str, str]:
-    """Return the tags of a stage's run."""
     tags = {"pcrdiff.kind": "stage", "pcrdiff.journal": record.id, "dvc.stage": record.stage}
     tags |= _pipeline_tags(record.pipeline)
     tags |= _digests("input", record.inputs) | _digests("output", record.outputs)

@@ -115,7 +115,6 @@ def read_record(folder: Path) -> Record | None:
 
 
 def _record(folder: Path, events: list[dict[str, Any]]) -> Record:
-    """Put the events of a journal together."""
     first = events[0]
     end = next((event for event in reversed(events) if event["event"] == "end"), None)
     status = end["status"] if end else "RUNNING" if is_held(folder / LOCK) else "KILLED"
