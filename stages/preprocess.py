@@ -101,7 +101,9 @@ def preprocess(
     doubled = find_doubled(items, chosen, manifest.digests)
     if doubled:
         sys.stderr.write(f"pcrdiff preprocess: {_say_doubled(scenario.dataset, doubled)}\n")
-    corruption = corruption_of(scenario)
+    corruption = Corruption(
+        **{each.name: getattr(scenario, each.name) for each in fields(Corruption)}
+    )
     splits, dropped = {}, dict[str, list[str]]()
     for split, index in chosen.items():
         seeds = [stream(seed, f"{name}/{split}")]
@@ -121,11 +123,6 @@ def preprocess(
     label = "category" if family == "modelnet40" else "scene"
     attributes = {"scenario": name, "unit": "unit sphere", "seed": seed, "provenance": provenance}
     return Preprocessed(splits, label, attributes, dropped)
-
-
-def corruption_of(scenario: Scenario) -> Corruption:
-    """How the scenario makes a pair of an item, with the angle in radians."""
-    return Corruption(**{each.name: getattr(scenario, each.name) for each in fields(Corruption)})
 
 
 def _origin(scenario: Scenario, family: str, manifest: Manifest) -> dict[str, object]:
