@@ -67,18 +67,18 @@ class Given:
     models: Path
     """The folder of all weights."""
 
-    def weights(self, scenario: str, method: str) -> Path:
-        """Where a method's weights for a scenario lie."""
-        return self.models / method / scenario / WEIGHTS
+    def weights(self, method: str) -> Path:
+        """Where a method's weights for the ablations' scenario lie."""
+        return self.models / method / self.params.ablation.scenario / WEIGHTS
 
     def answer_walks(self, name: str, test: Pairs, walks: "Walks") -> dict[str, Estimates]:
         """The answers of one training by setting: under several walks, each with its draw.
 
         A pair of clouds is encoded once for all of them.
         """
-        weights = self.weights(self.params.ablation.scenario, name)
         walk, _ = next(iter(walks.values()))
-        method = EncodesOnce(load_diffused(name, self.params.methods, walk, weights))
+        trained = load_diffused(name, self.params.methods, walk, self.weights(name))
+        method = EncodesOnce(trained)
         drawn = {
             setting: (Walker(method, Walk(**walk.model_dump())), draw)
             for setting, (walk, draw) in walks.items()
@@ -167,8 +167,7 @@ def write_all_walks(folder: Path, given: Given) -> None:
     """Write ``<scenario>/<method>.csv``: two rows per step, the noisy pose and the prediction."""
     scenario = given.params.ablation.scenario
     for method in given.params.ablation.methods:
-        weights = given.weights(scenario, method)
-        walks = follow_walks(given.params, method, given.pairs, weights)
+        walks = follow_walks(given.params, method, given.pairs, given.weights(method))
         write_walks(folder / scenario / f"{method}.csv", walks)
 
 

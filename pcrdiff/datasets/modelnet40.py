@@ -154,8 +154,9 @@ def _list_hdf5_split(folder: Path, split: OfficialSplit, names: list[str]) -> li
     paths = [folder / Path(line).name for line in lines]  # official ones carry authors' folders
     check_names(paths, rf"ply_data_{split}[0-9]+\.h5", f"ply_data_{split}0.h5")
     for path in paths:
-        clouds, _ = _read_hdf5(path)
-        for index, label in enumerate(_read_labels(path, len(names))):
+        clouds, labels = _read_hdf5(path)
+        _check_labels(labels, len(names), path)
+        for index, label in enumerate(labels):
             item_name = f"{path.stem}/{index:04d}"
             read = partial(_read_hdf5_cloud, path, index)
             digest = hashlib.sha256(clouds[index, :, :3].tobytes()).hexdigest()
@@ -163,15 +164,13 @@ def _list_hdf5_split(folder: Path, split: OfficialSplit, names: list[str]) -> li
     return items
 
 
-def _read_labels(path: Path, num_names: int) -> Int64[np.ndarray, " shapes"]:
-    _, labels = _read_hdf5(path)
+def _check_labels(labels: Int64[np.ndarray, " shapes"], num_names: int, path: Path) -> None:
     outside = (labels < 0) | (labels >= num_names)
     if outside.any():
         raise ValueError(
             f"{path} needs labels in 0..{num_names - 1}, as many as shape_names.txt has names, "
             f"got {labels[outside][0]} for shape {outside.argmax()}"
         )
-    return labels
 
 
 def _read_hdf5_cloud(path: Path, index: int) -> Cloud | Oriented:

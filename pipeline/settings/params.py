@@ -1,6 +1,7 @@
 """The typed face of params.yaml: one frozen model per section, nothing optional, nothing extra."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
 from math import radians
 from pathlib import Path
 from reprlib import Repr
@@ -268,15 +269,26 @@ class Params(Section):
         for name, scenario in self.scenarios.items():
             if scenario.dataset not in self.acquire:
                 raise ValueError(f"scenarios.{name}.dataset {scenario.dataset!r} is not in acquire")
-        for where, named in self._scenarios_named():
-            if named not in self.scenarios:
-                raise ValueError(f"{where} {named!r} is not in scenarios")
+        named = [(f"trainings.{name}", each) for name, on in self.trainings.items() for each in on]
+        named += [
+            ("ablation.scenario", self.ablation.scenario),
+            ("ablation.noise.scenario", self.ablation.noise.scenario),
+            ("timing.scenario", self.timing.scenario),
+        ]
+        for where, name in named:
+            if name not in self.scenarios:
+                raise ValueError(f"{where} {name!r} is not in scenarios")
 
     def _check_trainings(self) -> None:
         for method in self.run.baselines:
             if not self.trainings.get(method):
                 raise ValueError(f"run.baselines needs trainings.{method}, which is not there")
-        for where, method, scenario in self._trainings_named():
+        run, ablation, noise = self.run, self.ablation, self.ablation.noise
+        needed = [("run.diffused", *each) for each in product(run.diffused, run.scenarios)]
+        needed += [("ablation.methods", method, ablation.scenario) for method in ablation.methods]
+        learned = [method for method in noise.methods if method in learned_names()]
+        needed += [("ablation.noise.methods", method, noise.scenario) for method in learned]
+        for where, method, scenario in needed:
             if scenario not in self.trainings.get(method, {}):
                 raise ValueError(f"{where} needs trainings.{method}.{scenario}, which is not there")
         for method, epochs in self.trainings.items():
@@ -334,26 +346,6 @@ class Params(Section):
             if (own in getattr(ablation, listed)) != among:
                 needed = f"{where} among them" if among else f"others than {where}"
                 raise ValueError(f"ablation.{listed} needs {needed}, which is {own}")
-
-    def _scenarios_named(self) -> Iterator[tuple[str, str]]:
-        """Where a section names a scenario, and which."""
-        for method, epochs in self.trainings.items():
-            for scenario in epochs:
-                yield f"trainings.{method}", scenario
-        yield "ablation.scenario", self.ablation.scenario
-        yield "ablation.noise.scenario", self.ablation.noise.scenario
-        yield "timing.scenario", self.timing.scenario
-
-    def _trainings_named(self) -> Iterator[tuple[str, str, str]]:
-        """Where a section needs a training, of which method and on which scenario."""
-        for method in self.run.diffused:
-            for scenario in self.run.scenarios:
-                yield "run.diffused", method, scenario
-        for method in self.ablation.methods:
-            yield "ablation.methods", method, self.ablation.scenario
-        for method in self.ablation.noise.methods:
-            if method in learned_names():
-                yield "ablation.noise.methods", method, self.ablation.noise.scenario
 
     def _check_normals(self, scenario: str, method: str) -> None:
         kept = self.scenarios[scenario].normals

@@ -31,10 +31,6 @@ def profile_values(root: Path, name: str) -> Values:
     They are those of the profile that it extends without the keys that it lists under ``WITHOUT``,
     and with its own values: mappings are merged key by key, lists and other values replaced.
 
-    Args:
-        root: The project.
-        name: The profile.
-
     Raises:
         FileNotFoundError: There is no such profile.
         ValueError: The profile is no mapping, extends itself, removes what is not there, or the
