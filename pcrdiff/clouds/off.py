@@ -73,7 +73,8 @@ def _read_any(content: bytes, path: Path) -> Mesh:
             f"it ends after {len(lines) - start} lines"
         )
     vertices = _read_vertices(lines[start : start + num_vertices], path)
-    faces = _read_faces(lines[start + num_vertices :][:num_faces], path)
+    rest = lines[start + num_vertices :][:num_faces]
+    faces = np.array([face for line in rest for face in _cut_into_triangles(line, path)])
     return _checked(vertices, faces, path)
 
 
@@ -110,10 +111,6 @@ def _read_vertices(lines: Sequence[Line], path: Path) -> Float64[np.ndarray, "v 
     # Colours may follow, at every vertex or at none; a line of another width is a face.
     check_width(lines, len(lines[0].text.split()), path, "vertices `x y z` like the first one")
     return check_cloud(vertices, str(path))
-
-
-def _read_faces(lines: Sequence[Line], path: Path) -> Int64[np.ndarray, "f 3"]:
-    return np.array([face for line in lines for face in _cut_into_triangles(line, path)])
 
 
 def _cut_into_triangles(line: Line, path: Path) -> list[tuple[int, int, int]]:

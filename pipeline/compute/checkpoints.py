@@ -148,19 +148,15 @@ def fingerprint(params: Mapping[str, object], deps: Sequence[Path]) -> str:
     for path in deps:
         if not path.exists():
             raise FileNotFoundError(f"the training depends on {path}, which is not there")
-    read = sorted([path.as_posix(), content_md5(path)] for path in map(_relative, deps))
+    here = Path.cwd()  # paths from it are the same in the folder of every ``dvc exp run --temp``
+    paths = [path.relative_to(here) if path.is_relative_to(here) else path for path in deps]
+    read = sorted([path.as_posix(), content_md5(path)] for path in paths)
     return hashlib.sha256(json.dumps([described, read]).encode()).hexdigest()
 
 
 def checkpoints_folder(root: Path) -> Path:
     """Return where a project keeps its checkpoints, one folder a fingerprint."""
     return root / ".pcrdiff" / "checkpoints"
-
-
-def _relative(path: Path) -> Path:
-    """Return the path from here: the same in the folder of every ``dvc exp run --temp``."""
-    here = Path.cwd()
-    return path.relative_to(here) if path.is_relative_to(here) else path
 
 
 def _read(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, object]]:

@@ -86,8 +86,9 @@ class Journal:
         """Write one event, stamped with the time in ms since 1970."""
         if self._file is None:
             return
+        now = time.time_ns() // 1_000_000
         try:
-            self._file.write(json.dumps({"time": now_ms(), **event}, default=str) + "\n")
+            self._file.write(json.dumps({"time": now, **event}, default=str) + "\n")
             self._file.flush()
         except (OSError, TypeError, ValueError) as error:
             _warn(f"an event of kind {event.get('event')} was not kept: {error}")
@@ -150,11 +151,6 @@ def new_id(stage: str) -> str:
     safe = "".join(c if c.isalnum() or c in "-_." else "-" for c in stage)
     stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime())
     return f"{stamp}-{safe}-{os.getpid()}-{secrets.token_hex(4)}"
-
-
-def now_ms() -> int:
-    """Return milliseconds since 1970, MLflow's clock."""
-    return time.time_ns() // 1_000_000
 
 
 def content_md5(path: Path) -> str:

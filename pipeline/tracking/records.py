@@ -126,7 +126,12 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> Record:
         params=first["params"],
         inputs=first["inputs"],
         outputs=next((event["outputs"] for event in events if event["event"] == "outputs"), {}),
-        points=tuple(point for event in events for point in _points(event)),
+        points=tuple(
+            Point(name, value, event["time"], event["step"] or 0)
+            for event in events
+            if event["event"] == "metrics"
+            for name, value in event["values"].items()
+        ),
         artifacts=tuple(event["path"] for event in events if event["event"] == "artifact"),
         start=int(first["time"]),
         end=int((end or events[-1])["time"]),
@@ -146,13 +151,6 @@ def _events(path: Path) -> Iterator[dict[str, Any]]:
             continue
         if isinstance(event, dict) and "event" in event:
             yield event
-
-
-def _points(event: Mapping[str, Any]) -> list[Point]:
-    if event["event"] != "metrics":
-        return []
-    step = event["step"] or 0
-    return [Point(name, value, event["time"], step) for name, value in event["values"].items()]
 
 
 def is_held(lock: Path) -> bool:
