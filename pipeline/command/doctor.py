@@ -51,17 +51,14 @@ def check_packages(_root: Path) -> Iterator[Diagnosis]:
     from packaging.requirements import Requirement
 
     yield Diagnosis("ok", f"Python {sys.version.split()[0]}")
-    missing = 0
-    for text in metadata.requires("pcrdiff") or []:
-        need = Requirement(text)
-        if need.marker and not need.marker.evaluate({"extra": ""}):
-            continue
-        have = _version(need.name)
-        if not need.specifier.contains(have or "0", prereleases=True) or not have:
-            missing += 1
-            yield Diagnosis("error", f"{need.name} is {have or 'missing'}, needed is {need}")
-    if not missing:
-        yield Diagnosis("ok", "all required packages are there")
+    needs = [Requirement(text) for text in metadata.requires("pcrdiff") or []]
+    faults = [
+        Diagnosis("error", f"{need.name} is {have or 'missing'}, needed is {need}")
+        for need in needs
+        if not need.marker or need.marker.evaluate({"extra": ""})
+        if not (have := _version(need.name)) or not need.specifier.contains(have, prereleases=True)
+    ]
+    yield from faults or [Diagnosis("ok", "all required packages are there")]
 
 
 def check_lock(root: Path) -> Iterator[Diagnosis]:
