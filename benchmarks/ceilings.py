@@ -26,31 +26,22 @@ class Work:
     """A call, and the least arithmetic and traffic that it can do with."""
 
     name: str
-    kind: str
     call: Callable[[], object]
     flop: float
     traffic: float
     """Bytes: operands and results once; a matrix beyond the caches each time it is gone through."""
+    kind: str = "loop"
 
 
 def measure_ceilings(effort: Effort, environment: str) -> list[Ceiling]:
     """Matrix products and a copy, then the loops, all in turn."""
     works = [*machine_works(effort), *cf_loops(effort), *cb_loops(effort.points)]
     seconds = alternate([work.call for work in works], effort.repeats, WARM_UP)
-    taken = [summarise(each) for each in seconds]
-    gemm = max(
-        work.flop / took.median
-        for work, took in zip(works, taken, strict=True)
-        if work.name.endswith("float32 product")
-    )
-    copy = max(
-        work.traffic / took.median
-        for work, took in zip(works, taken, strict=True)
-        if work.name == "copy"
-    )
-    return [
-        row(work, took, gemm, copy, environment) for work, took in zip(works, taken, strict=True)
-    ]
+    taken = list(zip(works, map(summarise, seconds), strict=True))
+    products = [each for each in taken if each[0].name.endswith("float32 product")]
+    gemm = max(work.flop / took.median for work, took in products)
+    copy = next(work.traffic / took.median for work, took in taken if work.name == "copy")
+    return [row(work, took, gemm, copy, environment) for work, took in taken]
 
 
 def row(work: Work, took: Summary, gemm: float, copy: float, environment: str) -> Ceiling:
@@ -81,7 +72,7 @@ def machine_works(effort: Effort) -> Iterable[Work]:
     block = torch.zeros(8 * side * side)
     other = torch.empty_like(block)
     traffic = 2 * FLOAT * block.numel()
-    yield Work("copy", "machine", lambda: other.copy_(block), 0.0, traffic)
+    yield Work("copy", lambda: other.copy_(block), 0.0, traffic, "machine")
 
 
 def product(name: str, shape: tuple[int, int, int], dtype: torch.dtype) -> Work:
@@ -89,7 +80,8 @@ def product(name: str, shape: tuple[int, int, int], dtype: torch.dtype) -> Work:
     n, k, m = shape
     a, b, out = (torch.ones(size, dtype=dtype) for size in ((n, k), (k, m), (n, m)))
     traffic = a.element_size() * (n * k + k * m + n * m)
-    return Work(name, "machine", lambda: torch.matmul(a, b, out=out), 2.0 * n * k * m, traffic)
+    flop = 2.0 * n * k * m
+    return Work(name, lambda: torch.matmul(a, b, out=out), flop, traffic, "machine")
 
 
 @torch.no_grad()
@@ -103,21 +95,18 @@ def cf_loops(effort: Effort) -> Iterable[Work]:
     encoder = PointNet(WIDTHS)
     yield Work(
         "PointNet, forward in training",
-        "loop",
         lambda: with_graph(encoder, clouds),
         linear_flop(encoder, batch * points),
         FLOAT * (clouds.numel() + batch * WIDTHS[-1]),
     )
     yield Work(
         "PointNet, inference of one cloud",
-        "loop",
         lambda: without_graph(encoder, single),
         linear_flop(encoder, n),
         FLOAT * (single.numel() + WIDTHS[-1]),
     )
     yield Work(
         "chamfer, nearest both ways",
-        "loop",
         lambda: chamfer_loss(clouds, clouds.flip(1)),
         2 * 8.0 * batch * points**2,  # a product of 3 and 1 terms, and a comparison
         FLOAT * 2 * clouds.numel(),
@@ -132,7 +121,6 @@ def cb_loops(n: int) -> Iterable[Work]:
     descriptors = torch.rand(1, n, NEIGHBOURS, DESCRIPTOR_DIM, generator=generator)
     yield Work(
         "CB, embedding of one cloud",
-        "loop",
         lambda: without_graph(embedding, descriptors),
         linear_flop(embedding.per_neighbour, n * NEIGHBOURS) + linear_flop(embedding.per_point, n),
         FLOAT * (descriptors.numel() + n * DIM),
@@ -140,7 +128,6 @@ def cb_loops(n: int) -> Iterable[Work]:
     scores = -torch.rand(1, n, n, generator=generator)
     yield Work(
         f"Sinkhorn, {SINKHORN} iterations",
-        "loop",
         lambda: sinkhorn(scores, SINKHORN),
         2 * 2.0 * SINKHORN * n**2,
         FLOAT * (2 * SINKHORN + 2) * n**2,

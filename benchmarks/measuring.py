@@ -93,16 +93,10 @@ def time_of(call: Callable[[], object]) -> float:
 
 def describe_environment() -> str:
     """Processor, cores, threads, torch and the precision of the search; no name of a host."""
-    threads = torch.get_num_threads()
-    return "; ".join(
-        [
-            processor(),
-            _counted(os.cpu_count() or 1, "core"),
-            _counted(threads, "thread"),
-            f"torch {torch.__version__.partition('+')[0]}",
-            f"{search_precision()} search",
-        ]
-    )
+    cores, threads = os.cpu_count() or 1, torch.get_num_threads()
+    held = f"{_counted(cores, 'core')}; {_counted(threads, 'thread')}"
+    version = torch.__version__.partition("+")[0]
+    return f"{processor()}; {held}; torch {version}; {search_precision()} search"
 
 
 def _counted(count: int, what: str) -> str:

@@ -17,14 +17,11 @@ from pipeline.formats.benchmarks import PeakMemory
 from pipeline.loading import build_learned, settings_of
 from pipeline.settings.params import read_params
 
-POINTS = (512, 1024, 2048, 4096, 8192, 16384)
 SEMI_AXES = (0.9, 0.6, 0.4)  # of the ellipsoid that is registered
 MAX_ROTATION, MAX_TRANSLATION = np.pi / 4, 1.0  # the paper's
 
 
-def measure_memory(
-    method: str = "pcrdiffusion_cb", points: Sequence[int] = POINTS, environment: str = ""
-) -> list[PeakMemory]:
+def measure_memory(method: str, points: Sequence[int], environment: str) -> list[PeakMemory]:
     """Register two clouds of each size, each in a fresh process, by an untrained network.
 
     The network is that of ``params.yaml`` in the current folder, in its last setting: the walk

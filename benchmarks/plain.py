@@ -32,14 +32,11 @@ class PlainPointNet(nn.Module):
     def __init__(self, encoder: nn.Module) -> None:
         """As wide as ``encoder``."""
         super().__init__()
-        widths = [
-            (layer.in_features, layer.out_features)
-            for layer in encoder.modules()
-            if isinstance(layer, nn.Linear)
-        ]
-        self.layers = nn.Sequential(
-            *(part for ins, outs in widths for part in (nn.Linear(ins, outs), nn.ReLU()))
-        )
+        parts: list[nn.Module] = []
+        for layer in encoder.modules():
+            if isinstance(layer, nn.Linear):
+                parts += [nn.Linear(layer.in_features, layer.out_features), nn.ReLU()]
+        self.layers = nn.Sequential(*parts)
 
     def forward(self, points: Float[Tensor, "batch n ins"]) -> Float[Tensor, "batch dim"]:
         """The cloud's global feature."""
@@ -130,12 +127,8 @@ class PlainCB(nn.Module):
         self.attention = PlainAttention(dim, method.attention.heads)
         self.annealing = deepcopy(method.annealing)
         self.annealing.encoder = PlainPointNet(method.annealing.encoder)  # type: ignore[assignment]
-        self.alphas_bar, self.radius, self.neighbours = (
-            method.alphas_bar,
-            method.radius,
-            method.neighbours,
-        )
-        self.iterations = method.sinkhorn_iterations
+        self.radius, self.neighbours = method.radius, method.neighbours
+        self.alphas_bar, self.iterations = method.alphas_bar, method.sinkhorn_iterations
         load_in_order(self, method)
 
     def loss(self, pairs: Pairs, *, generator: torch.Generator) -> Losses:

@@ -6,12 +6,10 @@ numbers slowly.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from pcrdiff.evaluation import evaluate
 from pcrdiff.geometry.metrics import error_r_deg
@@ -20,6 +18,7 @@ from pcrdiff.registration import Pairs
 from pcrdiff.training.budget import Budget
 from pcrdiff.training.loop import Trainer, train
 from pcrdiff.training.poses import FreshPoses
+from pipeline.compute.checkpoints import NoCheckpoint
 from pipeline.compute.machine import settle
 from pipeline.compute.progress import bar
 from pipeline.formats.files import write_csv
@@ -34,21 +33,6 @@ OUT = Path("benchmarks/details/precision.csv")
 COLUMNS = ("search", "seed", "steps", "error_r_deg", "pairs")
 
 
-@dataclass(frozen=True)
-class Nowhere:
-    """A training that is not picked up again."""
-
-    def load(self) -> None:
-        """Nothing was saved."""
-
-    def due(self) -> bool:
-        """Never."""
-        return False
-
-    def save(self, tensors: Mapping[str, Tensor], record: Mapping[str, object]) -> None:
-        """Nowhere."""
-
-
 def trained_error(params: Params, splits: Mapping[str, Pairs], seed: int) -> tuple[int, float]:
     """Steps, and the mean rotation error in degrees on the test pairs, of one training of CF."""
     torch.manual_seed(seed)
@@ -58,7 +42,7 @@ def trained_error(params: Params, splits: Mapping[str, Pairs], seed: int) -> tup
     made = params.scenarios[SCENARIO]
     fresh = FreshPoses(made.max_rotation, made.max_translation)
     trainer = Trainer(network, splits["train"], splits["val"], budget, fresh, seed=seed)
-    weights, curve = train(trainer, Nowhere(), bar)
+    weights, curve = train(trainer, NoCheckpoint(), bar)
     network.load_state_dict(weights)
     answers = evaluate(network.eval(), splits["test"], seed=0)
     angles = error_r_deg(answers.T_target_source, splits["test"].T_target_source)

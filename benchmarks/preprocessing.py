@@ -31,6 +31,8 @@ MEAN_SIZE = 400_000
 """Least size of a synthetic file in bytes; cut into four, the mean is twice that, as with real ones."""
 NOISY = Corruption(NUM_POINTS, "copies", pi / 4, 1.0, 0.01, 0.05, 1.0, "estimated")
 """The scenario ``modelnet40-gaussian_noise``."""
+Run = Callable[[Sequence[RawItem], Path], None]
+"""Makes pairs of items and writes them."""
 NUMBER_OF_ITEMS = (400, 1600)
 """What memory is measured at."""
 
@@ -131,26 +133,20 @@ def compare_speed(name: str, items: Sequence[RawItem], folder: Path, repeats: in
 def compare_memory(items: Sequence[RawItem], folder: Path) -> Comparison:
     """How much more each needs for four times the items: the peak of a process of its own."""
     few, many = (list(items) * (n // len(items)) for n in NUMBER_OF_ITEMS)
-    grown = [
-        _peak(run, many, folder / "out.h5") - _peak(run, few, folder / "out.h5")
-        for run in (ours, loop)
-    ]
+    out = folder / "out.h5"
+    grown = [_peak(run, many, out) - _peak(run, few, out) for run in (ours, loop)]
     own, theirs = (max(mib, 1.0) for mib in grown)  # below 1 MiB it is noise
     name = "preprocess_memory_growth_vs_loop"
     return Comparison(name, [own], [theirs], "MiB", higher_is_better=False)
 
 
-def _peak(
-    run: Callable[[Sequence[RawItem], Path], None], items: Sequence[RawItem], out: Path
-) -> float:
+def _peak(run: Run, items: Sequence[RawItem], out: Path) -> float:
     """The highest resident memory of a fresh process that runs it, in MiB."""
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         return pool.submit(_run_and_tell, run, list(items), out).result()
 
 
-def _run_and_tell(
-    run: Callable[[Sequence[RawItem], Path], None], items: Sequence[RawItem], out: Path
-) -> float:
+def _run_and_tell(run: Run, items: Sequence[RawItem], out: Path) -> float:
     run(items[:32], out)
     forget_peak()
     run(items, out)

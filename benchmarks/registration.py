@@ -131,9 +131,8 @@ def contend(params: Params, effort: Effort) -> Iterable[Contender]:
     pairs = make_pairs(params, effort.points, effort.pairs)
     test = pairs["test"]
     for name in params.run.classical:
-        for setting, method in build_classical(
-            name, params.methods, lambda: pairs["train"]
-        ).items():
+        methods = build_classical(name, params.methods, lambda: pairs["train"])
+        for setting, method in methods.items():
             yield Contender(method, setting, test)
     for name in trained_methods(params):
         for setting in settings_of(name, params.methods):
@@ -163,7 +162,9 @@ def compare_registrations(contenders: Sequence[Contender]) -> list[Comparison]:
     found = []
     if cf and peers:
         found.append(_latencies("cf_latency_vs_fastest_peer", cf, peers[0]))
-        found += [_latencies(f"cf_latency_vs_{_named(peer)}", cf, peer) for peer in peers]
+        for peer in peers:
+            name = f"cf_latency_vs_{peer.method.name}_{peer.setting}"
+            found.append(_latencies(name, cf, peer))
     if part and peers:
         name = f"cf_first_{part.points}_points_latency_vs_fastest_peer"
         found.append(_latencies(name, part, peers[0]))
@@ -184,16 +185,11 @@ def _slowest(contenders: Sequence[Contender], name: str) -> Contender | None:
     )
 
 
-def _named(contender: Contender) -> str:
-    return f"{contender.method.name}_{contender.setting}"
-
-
 def _latencies(name: str, ours: Contender, peer: Contender) -> Comparison:
     """The ratios over the pairs that both registered."""
     mine, theirs = ours.pair_ms, peer.pair_ms
     common = sorted(mine.keys() & theirs.keys())
     if not common:
         raise ValueError(f"{name} needs pairs that both registered, got {len(mine)} and {len(theirs)} others")  # fmt: skip
-    return Comparison(
-        name, [mine[k] for k in common], [theirs[k] for k in common], "ms", higher_is_better=False
-    )
+    both = [[taken[k] for k in common] for taken in (mine, theirs)]
+    return Comparison(name, both[0], both[1], "ms", higher_is_better=False)

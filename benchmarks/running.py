@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from benchmarks.effort import DRY, FULL, Effort
@@ -17,6 +17,8 @@ from pipeline.settings.params import Params, read_params
 FOLDER = Path("benchmarks")
 THREADS = 1
 """Threads of every contender; see :mod:`benchmarks.threads`."""
+PARTS = ("training", "registration", "memory", "preprocessing", "ceilings")
+"""Steps of CF and CB, every method of the table, CB's memory, raw shapes to pairs, the machine."""
 FIRST = (
     "cf_train_step_vs_plain",
     "cf_latency_vs_fastest_peer",
@@ -30,7 +32,7 @@ FIRST = (
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure and write; a part alone, or a dry run, is shown and not written."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", choices=[*MEASURED], help="measure one part and write nothing")
+    parser.add_argument("--only", choices=PARTS, help="measure one part and write nothing")
     parser.add_argument("--dry", action="store_true", help="tiny sizes; write nothing")
     parser.add_argument("--stages", action="store_true", help="list the stages needed before")
     args = parser.parse_args(argv)
@@ -40,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         say(needed_stages(params))
         return
     settle(THREADS, params.search_precision)
-    parts = [*MEASURED] if args.only is None else [args.only]
+    parts = PARTS if args.only is None else [args.only]
     found = measure(params, parts, DRY if args.dry else FULL)
     say(lines(found))
     if not args.dry and args.only is None:
@@ -50,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 def measure(params: Params, parts: Sequence[str], effort: Effort) -> Benchmarks:
     """Measure the parts one after the other; the promised ratios come first."""
     environment = describe_environment()
-    found = [MEASURED[part](params, effort, environment) for part in bar(parts, "benchmarks")]
+    found = [measure_part(part, params, effort, environment) for part in bar(parts, "benchmarks")]
     return Benchmarks(
         ratios=sorted((row for one in found for row in one.ratios), key=rank),
         latencies=[row for one in found for row in one.latencies],
@@ -64,60 +66,36 @@ def rank(ratio: Ratio) -> tuple[int, str]:
     return (FIRST.index(ratio.name) if ratio.name in FIRST else len(FIRST), ratio.name)
 
 
-def training(params: Params, effort: Effort, environment: str) -> Benchmarks:
-    """Steps of CF and CB."""
-    from benchmarks.training import measure_training
+def measure_part(part: str, params: Params, effort: Effort, environment: str) -> Benchmarks:
+    """Measure one of ``PARTS``; what another part needs is not loaded."""
+    if part == "training":
+        from benchmarks.training import measure_training
 
-    found = measure_training(params, effort)
-    return Benchmarks(ratios=[compare(each, environment) for each in found])
+        steps = measure_training(params, effort)
+        return Benchmarks(ratios=[compare(each, environment) for each in steps])
+    if part == "registration":
+        from benchmarks.registration import compare_registrations, measure_registration
 
+        contenders = measure_registration(params, effort)
+        return Benchmarks(
+            ratios=[compare(each, environment) for each in compare_registrations(contenders)],
+            latencies=[each.row(environment) for each in contenders],
+        )
+    if part == "memory":
+        from benchmarks.memory import measure_memory
 
-def registration(params: Params, effort: Effort, environment: str) -> Benchmarks:
-    """Every method of the table."""
-    from benchmarks.registration import compare_registrations, measure_registration
+        found = measure_memory("pcrdiffusion_cb", effort.memory_points, environment)
+        return Benchmarks(memory=found)
+    if part == "preprocessing":
+        from benchmarks.preprocessing import WORKERS, measure_preprocessing
 
-    contenders = measure_registration(params, effort)
-    return Benchmarks(
-        ratios=[compare(each, environment) for each in compare_registrations(contenders)],
-        latencies=[each.row(environment) for each in contenders],
-    )
-
-
-def memory(params: Params, effort: Effort, environment: str) -> Benchmarks:
-    """CB, against the number of points."""
-    from benchmarks.memory import measure_memory
-
-    del params
-    found = measure_memory("pcrdiffusion_cb", effort.memory_points, environment)
-    return Benchmarks(memory=found)
-
-
-def preprocessing(params: Params, effort: Effort, environment: str) -> Benchmarks:
-    """Raw shapes to pairs, on all processors."""
-    from benchmarks.preprocessing import WORKERS, measure_preprocessing
-
-    del params
-    with every_processor():
-        found = measure_preprocessing(effort.rounds)
-    where = f"{environment}; {WORKERS} workers"
-    return Benchmarks(ratios=[compare(each, where) for each in found])
-
-
-def ceilings(params: Params, effort: Effort, environment: str) -> Benchmarks:
-    """The machine, and the loops."""
+        with every_processor():
+            pairs = measure_preprocessing(effort.rounds)
+        where = f"{environment}; {WORKERS} workers"
+        return Benchmarks(ratios=[compare(each, where) for each in pairs])
     from benchmarks.ceilings import measure_ceilings
 
-    del params
     return Benchmarks(ceilings=measure_ceilings(effort, environment))
-
-
-MEASURED: Mapping[str, Callable[[Params, Effort, str], Benchmarks]] = {
-    "training": training,
-    "registration": registration,
-    "memory": memory,
-    "preprocessing": preprocessing,
-    "ceilings": ceilings,
-}
 
 
 def lines(found: Benchmarks) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """(i) Training steps a second, beside the same network in plain PyTorch."""
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 
@@ -34,8 +34,8 @@ def measure_training(params: Params, effort: Effort) -> list[Comparison]:
     for name, (count, points) in (("cf", effort.cf_step), ("cb", effort.cb_step)):
         pairs = make_pairs(params, points, count)["train"]
         ours, plain = steppers(name, paper, pairs)
-        with ElsewhereStepper(name, paper, pairs) as elsewhere:
-            seconds = alternate([ours, elsewhere.step, plain], effort.repeats, WARM_UP)
+        with elsewhere(name, paper, pairs) as step:
+            seconds = alternate([ours, step, plain], effort.repeats, WARM_UP)
         found += [
             rates(f"{name}_train_step_vs_plain", seconds[0], seconds[1]),
             rates(f"{name}_train_step_vs_plain_settled", seconds[0], seconds[2]),
@@ -69,33 +69,29 @@ def steppers(
     )
 
 
-class ElsewhereStepper:
-    """The plain network in a new process, which steps when it is asked to."""
+@contextmanager
+def elsewhere(name: str, paper: Params, pairs: Pairs) -> Iterator[Callable[[], None]]:
+    """The plain network in a new process, which steps when it is asked to; the first step waits.
 
-    def __init__(self, name: str, paper: Params, pairs: Pairs) -> None:
-        """Start it; the first ``step`` waits for it."""
-        context = get_context("spawn")
-        self.pipe, theirs = context.Pipe()
-        given = (theirs, name, paper.model_dump(), pairs, torch.get_num_threads())
-        self.process = context.Process(target=serve, args=given)
-        self.process.start()
-        theirs.close()
+    Raises:
+        EOFError: The process has ended, in a step.
+    """
+    context = get_context("spawn")
+    pipe, theirs = context.Pipe()
+    given = (theirs, name, paper.model_dump(), pairs, torch.get_num_threads())
+    process = context.Process(target=serve, args=given)
+    process.start()
+    theirs.close()
 
-    def step(self) -> None:
-        """One step there.
+    def step() -> None:
+        pipe.send(None)
+        pipe.recv()
 
-        Raises:
-            EOFError: The process has ended.
-        """
-        self.pipe.send(None)
-        self.pipe.recv()
-
-    def __enter__(self) -> "ElsewhereStepper":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.pipe.close()
-        self.process.join()
+    try:
+        yield step
+    finally:
+        pipe.close()
+        process.join()
 
 
 def serve(

@@ -67,20 +67,18 @@ class Given:
     models: Path
     """The folder of all weights."""
 
-    def weights(self, scenario: str, method: str) -> Path:
-        """Where a method's weights for a scenario lie."""
-        return self.models / method / scenario / WEIGHTS
+    def weights(self, method: str) -> Path:
+        """Where a method's weights for the ablations' scenario lie."""
+        return self.models / method / self.params.ablation.scenario / WEIGHTS
 
-    def answer_walks(
-        self, name: str, test: Pairs, walks: Mapping[str, tuple[Diffusion, int]]
-    ) -> dict[str, Estimates]:
+    def answer_walks(self, name: str, test: Pairs, walks: "Walks") -> dict[str, Estimates]:
         """The answers of one training by setting: under several walks, each with its draw.
 
         A pair of clouds is encoded once for all of them.
         """
-        weights = self.weights(self.params.ablation.scenario, name)
         walk, _ = next(iter(walks.values()))
-        method = EncodesOnce(load_diffused(name, self.params.methods, walk, weights))
+        trained = load_diffused(name, self.params.methods, walk, self.weights(name))
+        method = EncodesOnce(trained)
         drawn = {
             setting: (Walker(method, Walk(**walk.model_dump())), draw)
             for setting, (walk, draw) in walks.items()
@@ -125,55 +123,51 @@ def ablate_variants(name: str, given: Given) -> tuple[Pairs, Answers]:
     return test, answers
 
 
-def ablate_steps(given: Given) -> tuple[Pairs, Answers]:
-    """Table 7: the steps of the walk back of one training, each walk drawn several times."""
-    ablation, test = given.params.ablation, read_pairs(given.pairs, "test")
+Walks = Mapping[str, tuple[Diffusion, int]]
+"""Walks back by their setting, each with the number of its draw."""
+
+
+def ablate_walks(walks_of: Callable[[Params, str], Walks], given: Given) -> tuple[Pairs, Answers]:
+    """One training of each method under the walks that ``walks_of`` gives for it."""
+    test, methods = read_pairs(given.pairs, "test"), given.params.ablation.methods
     return test, {
-        name: given.answer_walks(name, test, walks_of(given.params, ablation.sampling.draws[name]))
-        for name in ablation.methods
+        name: given.answer_walks(name, test, walks_of(given.params, name)) for name in methods
     }
 
 
-def walks_of(params: Params, draws: int) -> dict[str, tuple[Diffusion, int]]:
-    """Every walk of Table 7 by its setting, and the number of its draw."""
+def walks_in_steps(params: Params, method: str) -> Walks:
+    """Table 7: every sampler in every number of steps, drawn several times."""
     sampling = params.ablation.sampling
     walks = {}
     for sampler, steps in product(sampling.samplers, params.ablation.steps):
         varied = {"steps": steps, "sampler": sampler, "hypotheses": 1}
         walk = params.diffusion.model_copy(update=varied)
-        for draw in range(draws):
+        for draw in range(sampling.draws[method]):
             again = f",draw={draw}" if draw else ""
             walks[f"steps={steps},sampler={sampler}{again}"] = walk, draw
     return walks
 
 
-def ablate_hypotheses(given: Given) -> tuple[Pairs, Answers]:
+def walks_with_hypotheses(params: Params, _method: str) -> Walks:
     """Beyond the paper: the best fitting of several walks, chosen without the truth."""
-    ablation, diffusion = given.params.ablation, given.params.diffusion
-    test = read_pairs(given.pairs, "test")
-    walks = {
-        f"hypotheses={count}": (diffusion.model_copy(update={"hypotheses": count}), 0)
-        for count in ablation.hypotheses
+    return {
+        f"hypotheses={count}": (params.diffusion.model_copy(update={"hypotheses": count}), 0)
+        for count in params.ablation.hypotheses
     }
-    return test, {name: given.answer_walks(name, test, walks) for name in ablation.methods}
 
 
 ABLATIONS: dict[str, Callable[[Given], tuple[Pairs, Answers]]] = {
     **{name: partial(ablate_variants, name) for name in TRAINED},
-    "steps": ablate_steps,
-    "hypotheses": ablate_hypotheses,
+    "steps": partial(ablate_walks, walks_in_steps),
+    "hypotheses": partial(ablate_walks, walks_with_hypotheses),
 }
-
-
-# The walks that the page shows.
 
 
 def write_all_walks(folder: Path, given: Given) -> None:
     """Write ``<scenario>/<method>.csv``: two rows per step, the noisy pose and the prediction."""
     scenario = given.params.ablation.scenario
     for method in given.params.ablation.methods:
-        weights = given.weights(scenario, method)
-        walks = follow_walks(given.params, method, given.pairs, weights)
+        walks = follow_walks(given.params, method, given.pairs, given.weights(method))
         write_walks(folder / scenario / f"{method}.csv", walks)
 
 

@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
 
@@ -44,12 +44,8 @@ def main(argv: list[str] | None = None) -> None:
     section = pick(params.scenarios, args.scenario, "scenarios")
     family = params.acquire[section.dataset].family
     settle(threads=1)  # a pair has no work for more
-    shown = {
-        "scenario": args.scenario,
-        "dataset": section.dataset,
-        "num_points": section.num_points,
-    }
-    with journal(params=shown, inputs=[args.raw]) as notes:
+    noted = {"dataset": section.dataset, "num_points": section.num_points}
+    with journal(params={"scenario": args.scenario, **noted}, inputs=[args.raw]) as notes:
         spread = spread_over(params.compute, threads=1)
         made = preprocess(args.scenario, section, family, args.raw, seed=params.seed, spread=spread)
         write_pairs(args.pairs, made.splits, made.label, made.attributes)
@@ -86,13 +82,7 @@ class Preprocessed:
 
 
 def preprocess(
-    name: str,
-    scenario: Scenario,
-    family: str,
-    raw: Path,
-    *,
-    seed: int,
-    spread: Spread = in_turn,
+    name: str, scenario: Scenario, family: str, raw: Path, *, seed: int, spread: Spread = in_turn
 ) -> Preprocessed:
     """List the pairs of one scenario; each is made when it is asked for.
 
@@ -111,7 +101,9 @@ def preprocess(
     doubled = find_doubled(items, chosen, manifest.digests)
     if doubled:
         sys.stderr.write(f"pcrdiff preprocess: {_say_doubled(scenario.dataset, doubled)}\n")
-    corruption = corruption_of(scenario)
+    corruption = Corruption(
+        **{each.name: getattr(scenario, each.name) for each in fields(Corruption)}
+    )
     splits, dropped = {}, dict[str, list[str]]()
     for split, index in chosen.items():
         seeds = [stream(seed, f"{name}/{split}")]
@@ -131,20 +123,6 @@ def preprocess(
     label = "category" if family == "modelnet40" else "scene"
     attributes = {"scenario": name, "unit": "unit sphere", "seed": seed, "provenance": provenance}
     return Preprocessed(splits, label, attributes, dropped)
-
-
-def corruption_of(scenario: Scenario) -> Corruption:
-    """How the scenario makes a pair of an item, with the angle in radians."""
-    return Corruption(
-        num_points=scenario.num_points,
-        sampling=scenario.sampling,
-        max_rotation=scenario.max_rotation,
-        max_translation=scenario.max_translation,
-        jitter_deviation=scenario.jitter_deviation,
-        jitter_clip=scenario.jitter_clip,
-        keep=scenario.keep,
-        normals=scenario.normals,
-    )
 
 
 def _origin(scenario: Scenario, family: str, manifest: Manifest) -> dict[str, object]:

@@ -32,14 +32,7 @@ from pipeline.formats.weights import CURVE, FACTS, WEIGHTS, write_curve, write_w
 from pipeline.loading import build_untrained
 from pipeline.settings.params import DIFFUSED, Params, pick, read_params
 from pipeline.settings.seeding import stream
-from pipeline.settings.variants import (
-    AS_IT_IS,
-    TRAINED,
-    Variant,
-    folder_of,
-    settings_trained,
-    variants,
-)
+from pipeline.settings.variants import TRAINED, Variant, folder_of, settings_trained, variants
 from pipeline.tracking.journal import Journal, journal
 
 
@@ -150,7 +143,7 @@ def train_all(params: Params, trainings: Sequence[Training]) -> None:
         FileNotFoundError, ValueError: A pair file is missing or is not one, or the processes disagree.
         RuntimeError: A gradient is not finite.
     """
-    described = [training_params(params, t.scenario, t.method, t.variant) for t in trainings]
+    described = [training_params(params, training) for training in trainings]
     pairs = sorted({training.pairs for training in trainings})
     with join(params.train.devices, params.train.nodes) as processes:
         settle(params.threads, params.search_precision)
@@ -183,29 +176,28 @@ def _noted(described: Sequence[dict[str, Any]]) -> dict[str, object]:
     return {name: ", ".join(dict.fromkeys(values)) for name, values in different.items()}
 
 
-def epochs_of(params: Params, scenario: str, method: str, variant: Variant) -> int:
+def epochs_of(params: Params, training: Training) -> int:
     """The budget of a training; a variant's is the ablation's own, the same for all of a method."""
-    if variant:
-        return pick(params.ablation.epochs, method, "ablation.epochs")
-    return params.epochs(scenario, method)
+    if training.variant:
+        return pick(params.ablation.epochs, training.method, "ablation.epochs")
+    return params.epochs(training.scenario, training.method)
 
 
-def training_params(
-    params: Params, scenario: str, method: str, variant: Variant = AS_IT_IS
-) -> dict[str, Any]:
+def training_params(params: Params, training: Training) -> dict[str, Any]:
     """All of params.yaml that a training depends on, besides its pairs."""
+    method = training.method
     return {
         "seed": params.seed,
         "threads": params.threads,
         "search_precision": resolve(params.search_precision),
         "devices": params.train.devices,
         "nodes": params.train.nodes,
-        "scenario": scenario,
+        "scenario": training.scenario,
         "method": method,
-        "epochs": epochs_of(params, scenario, method, variant),
+        "epochs": epochs_of(params, training),
         "poses": params.train.poses,
         **_process(params, method),
-        "network": {**getattr(params.methods, method).network.model_dump(), **variant},
+        "network": {**getattr(params.methods, method).network.model_dump(), **training.variant},
         **getattr(params.train, method).model_dump(),
     }
 
@@ -222,13 +214,12 @@ def train_method(
         FileNotFoundError, ValueError: The pair file is missing or is not one.
         RuntimeError: A gradient is not finite.
     """
-    scenario, method, variant = training.scenario, training.method, training.variant
+    scenario, method = training.scenario, training.method
     torch.manual_seed(stream(params.seed, f"init/{scenario}/{method}"))
     walk = params.diffusion.model_copy(update=VALIDATION_WALK)
-    network = build_untrained(method, params.methods, walk, variant)
+    network = build_untrained(method, params.methods, walk, training.variant)
     data, val = read_pairs(training.pairs, "train"), read_pairs(training.pairs, "val")
-    settings = getattr(params.train, method)
-    budget = Budget(epochs_of(params, scenario, method, variant), **settings.model_dump())
+    budget = Budget(epochs_of(params, training), **getattr(params.train, method).model_dump())
     trainer = Trainer(
         network,
         data,

@@ -17,10 +17,11 @@ NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 """Neither ``nan`` nor ``1_000``, which ``float`` reads too."""
 COUNT = re.compile(r"[0-9]{1,18}")
 """A number of lines or points, or of a file, that 64 bits hold."""
-COMMENT = re.compile(
-    rb"#(?<!\S#)[^\r\n]*"
-)  # looks back from the ``#``, so that it is searched fast
-"""From a ``#`` that begins a line or stands after a blank; within a word it is a fault."""
+COMMENT = re.compile(rb"#(?<!\S#)[^\r\n]*")
+"""From a ``#`` that begins a line or stands after a blank; within a word it is a fault.
+
+It looks back from the ``#``, so that it is searched fast.
+"""
 QUOTED = 60
 """How much of a line is shown."""
 

@@ -41,13 +41,10 @@ def read_off(path: Path) -> Mesh:
     return _read_plain(content, path) or _read_any(content, path)
 
 
-# As most files are: numbers alone, a vertex or a triangle a line. Parsed in one call each.
-
-
 def _read_plain(content: bytes, path: Path) -> Mesh | None:
-    """Read a mesh without comments, blank lines, polygons or colours; None where it has any.
+    """Read a mesh without comments, blank lines, polygons or colours, as most are, in two calls.
 
-    Also None where anything is wrong with it: ``_read_any`` says what.
+    None where it has any of these, and where anything is wrong with it: ``_read_any`` says what.
     """
     header, _, body = content.partition(b"\n")
     if header.strip() == b"OFF":
@@ -67,9 +64,6 @@ def _read_plain(content: bytes, path: Path) -> Mesh | None:
     return _checked(check_cloud(vertices, str(path)), faces[:, 1:], path)
 
 
-# With everything that the format allows, line by line.
-
-
 def _read_any(content: bytes, path: Path) -> Mesh:
     lines = split_lines(without_comments(content), path)
     num_vertices, num_faces, start = _read_header(lines, path)
@@ -79,7 +73,8 @@ def _read_any(content: bytes, path: Path) -> Mesh:
             f"it ends after {len(lines) - start} lines"
         )
     vertices = _read_vertices(lines[start : start + num_vertices], path)
-    faces = _read_faces(lines[start + num_vertices :][:num_faces], path)
+    rest = lines[start + num_vertices :][:num_faces]
+    faces = np.array([face for line in rest for face in _cut_into_triangles(line, path)])
     return _checked(vertices, faces, path)
 
 
@@ -116,10 +111,6 @@ def _read_vertices(lines: Sequence[Line], path: Path) -> Float64[np.ndarray, "v 
     # Colours may follow, at every vertex or at none; a line of another width is a face.
     check_width(lines, len(lines[0].text.split()), path, "vertices `x y z` like the first one")
     return check_cloud(vertices, str(path))
-
-
-def _read_faces(lines: Sequence[Line], path: Path) -> Int64[np.ndarray, "f 3"]:
-    return np.array([face for line in lines for face in _cut_into_triangles(line, path)])
 
 
 def _cut_into_triangles(line: Line, path: Path) -> list[tuple[int, int, int]]:

@@ -7,8 +7,6 @@ from jaxtyping import Float64, Int64, Num
 
 FARTHEST_COORDINATE = 1e3
 """No scan, fragment or unit sphere reaches as far; bytes of another type or order do at once."""
-
-
 NEAREST_COORDINATE = 1e-3
 """None lies wholly nearer to its origin; letters and whole numbers do, read as floats."""
 
@@ -26,8 +24,6 @@ class Mesh:
 
 
 Cloud = Float64[np.ndarray, "points 3"]
-
-
 Oriented = Float64[np.ndarray, "points 6"]
 """Points, and beside each the normal that the data set gives it; unchecked until it is used."""
 

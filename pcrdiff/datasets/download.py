@@ -18,8 +18,6 @@ from pcrdiff.datasets.unpacking import unpack_zip
 from pcrdiff.loops import Progress, silent
 
 CHUNK_BYTES = 1 << 20
-
-
 TIMEOUT_SECONDS = 30.0
 
 
@@ -44,9 +42,6 @@ def refuse_download(dataset: str) -> None:
             "odometry velodyne scans, calibration and poses there, unpack them, and use "
             "`source: local` with that folder"
         )
-
-
-# The manifest.
 
 
 def download_archives(
@@ -117,15 +112,14 @@ def _download(url: str, part: Path, progress: Progress) -> None:
             f"{url} cannot be downloaded, the server answered {error.code} {error.reason}"
         ) from error
     except (HTTPException, OSError, UnicodeError) as error:  # refused, timed out, cut, disk full
+        reason = getattr(error, "reason", error)
         if _is_lasting(error):
-            raise ConnectionError(
-                f"{url} cannot be downloaded, nor by running again: "
-                f"{getattr(error, 'reason', error)}"
-            ) from error
+            lasting = f"{url} cannot be downloaded, nor by running again: {reason}"
+            raise ConnectionError(lasting) from error
         held = part.stat().st_size if part.is_file() else 0
         raise ConnectionError(
-            f"{url} was cut after {held} bytes ({getattr(error, 'reason', error)}), "
-            f"run again to go on from there; they are kept as {part}"
+            f"{url} was cut after {held} bytes ({reason}), run again to go on from there; they are "
+            f"kept as {part}"
         ) from error
 
 
@@ -156,9 +150,7 @@ def _receive(response: HTTPResponse, part: Path, held: int, progress: Progress) 
 
 def _verify(archives: Sequence[Archive], paths: Sequence[Path]) -> None:
     """Refuse the archives unless each has the digest it is asked to have."""
-    found = [
-        (archive, path, hash_file(path)) for archive, path in zip(archives, paths, strict=True)
-    ]
+    found = list(zip(archives, paths, map(hash_file, paths), strict=True))
     for archive, path, actual in found:
         if archive.sha256 is not None and archive.sha256.lower() != actual:
             path.unlink()

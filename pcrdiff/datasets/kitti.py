@@ -64,15 +64,10 @@ def read_items(root: Path) -> list[RawItem]:
         raise FileNotFoundError(
             f"KITTI needs sequences/00/velodyne/000000.bin, {folder} holds no scan"
         )
+    scans = [(path.parent.parent.name, path) for path in paths]
     return [
-        RawItem(
-            name=f"{path.parent.parent.name}/{path.stem}",
-            group=path.parent.parent.name,
-            split=None,
-            read=partial(read_scan, path),
-            file=path,
-        )
-        for path in paths
+        RawItem(f"{sequence}/{path.stem}", sequence, None, partial(read_scan, path), path)
+        for sequence, path in scans
     ]
 
 
@@ -139,9 +134,9 @@ def _read_points(content: bytes, path: Path) -> Cloud:
 
 
 def _is_reflectance(values: Float[np.ndarray, " points"]) -> bool:
-    if (np.abs(values - 0.5) <= 0.5 + REFLECTANCE_TOLERANCE).all():
-        return True
-    return bool(((values >= 0) & (values <= 255) & (values == np.round(values))).all())
+    shares = np.abs(values - 0.5) <= 0.5 + REFLECTANCE_TOLERANCE
+    whole = (values >= 0) & (values <= 255) & (values == np.round(values))
+    return bool(shares.all() or whole.all())
 
 
 def _count_distinct(cloud: Float64[np.ndarray, "points 3"]) -> int:
@@ -166,13 +161,12 @@ def _likely_layout(content: bytes) -> str:
 
 
 def _is_plausible(scan: Float64[np.ndarray, "points columns"]) -> bool:
-    if not np.isfinite(scan).all():
-        return False
-    if not NEAREST_COORDINATE < np.abs(scan[:, :3]).max() < FARTHEST_COORDINATE:
-        return False
-    if scan.shape[1] > 3 and not _is_reflectance(scan[:, 3]):
-        return False
-    return _count_distinct(scan[:, :3]) >= LEAST_DISTINCT * len(scan)
+    return bool(
+        np.isfinite(scan).all()
+        and NEAREST_COORDINATE < np.abs(scan[:, :3]).max() < FARTHEST_COORDINATE
+        and (scan.shape[1] == 3 or _is_reflectance(scan[:, 3]))
+        and _count_distinct(scan[:, :3]) >= LEAST_DISTINCT * len(scan)
+    )
 
 
 def read_recorded_pairs(root: Path, *, min_distance: float = 10.0) -> list[RecordedPair]:
@@ -228,14 +222,9 @@ def _pair_scans(
         target = source + int((distances >= min_distance).argmax())
         if min_distance <= distances[target - source] <= FARTHEST * min_distance:
             T_target_source = np.linalg.inv(poses[target]) @ T_world_source
-            pairs.append(
-                RecordedPair(
-                    source=names[source],
-                    target=names[target],
-                    T_target_source=check_rigid(T_target_source, f"pose of {names[source]}"),
-                    group=names[source].partition("/")[0],
-                )
-            )
+            pose = check_rigid(T_target_source, f"pose of {names[source]}")
+            sequence = names[source].partition("/")[0]
+            pairs.append(RecordedPair(names[source], names[target], pose, sequence))
     return pairs
 
 
@@ -253,9 +242,7 @@ def _read_lidar_poses(
         raise ValueError(
             f"{path} needs a pose for scan {max(numbers):06d}, it has only {len(rows)} poses"
         )
-    poses = [_read_pose(rows[number], path) for number in numbers]
-    T_world_lidar: Float64[np.ndarray, "scans 4 4"] = np.stack(poses) @ T_camera_lidar
-    return T_world_lidar
+    return np.stack([_read_pose(rows[number], path) @ T_camera_lidar for number in numbers])
 
 
 def _read_T_camera_lidar(path: Path) -> Float64[np.ndarray, "4 4"]:

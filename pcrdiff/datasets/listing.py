@@ -5,6 +5,7 @@ import os
 import re
 import stat
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 LITTER = re.compile(
@@ -13,10 +14,21 @@ LITTER = re.compile(
     re.DOTALL | re.IGNORECASE,
 )
 """What systems and editors leave beside the files of people."""
-
-
 NAMED = 5
 """Names that a sentence quotes before it only counts them."""
+
+
+@contextmanager
+def naming(path: Path, done: str) -> Iterator[None]:
+    """Let an error of the system name its path: what cannot be ``done`` with it, and why.
+
+    Raises:
+        OSError: Of the same kind as the one that was raised.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise type(error)(f"{path} cannot be {done}: {error.strerror or error}") from error
 
 
 def entries(folder: Path) -> list[Path]:
@@ -27,25 +39,17 @@ def entries(folder: Path) -> list[Path]:
             sentence names it.
         ValueError: A name in it is not in UTF-8, so no manifest and no pair file can hold it.
     """
-    try:
+    with naming(folder, "listed"):
         found = sorted(folder.iterdir())
-    except OSError as error:
-        raise type(error)(f"{folder} cannot be listed: {error.strerror or error}") from error
     for path in found:
-        if not _is_utf8(path.name):
+        try:
+            path.name.encode()
+        except UnicodeEncodeError as error:  # bytes that are no UTF-8 come as lone surrogates
             raise ValueError(
                 f"{folder} needs names in UTF-8, it holds {os.fsencode(path.name)!r}: it may be in "
                 "Latin-1"
-            )
+            ) from error
     return found
-
-
-def _is_utf8(name: str) -> bool:
-    try:
-        name.encode()
-    except UnicodeEncodeError:  # bytes that are no UTF-8 come as lone surrogates
-        return False
-    return True
 
 
 def walk_files(folder: Path) -> Iterator[Path]:
@@ -72,12 +76,13 @@ def walk_files(folder: Path) -> Iterator[Path]:
 
 def _mode(path: Path) -> int:
     """The mode of what a path leads to; 0 for a link that leads nowhere."""
-    try:
-        return path.stat().st_mode
-    except OSError as error:
-        if error.errno in (errno.ENOENT, errno.ENOTDIR, errno.ELOOP) and path.is_symlink():
-            return 0
-        raise type(error)(f"{path} cannot be read: {error.strerror or error}") from error
+    with naming(path, "read"):
+        try:
+            return path.stat().st_mode
+        except OSError as error:
+            if error.errno in (errno.ENOENT, errno.ENOTDIR, errno.ELOOP) and path.is_symlink():
+                return 0
+            raise
 
 
 def list_folders(folder: Path) -> list[Path]:
@@ -88,14 +93,12 @@ def list_folders(folder: Path) -> list[Path]:
             leads nowhere, no permission. What it stood for would be missed.
     """
     found = [entry for entry in entries(folder) if not LITTER.fullmatch(entry.name)]
-    return [entry for entry in found if stat.S_ISDIR(_status(entry).st_mode)]
-
-
-def _status(entry: Path) -> os.stat_result:
-    try:
-        return entry.stat()  # Path.is_dir would take one that cannot be looked at for no folder
-    except OSError as error:
-        raise type(error)(f"{entry} cannot be read: {error.strerror or error}") from error
+    folders = []
+    for entry in found:
+        with naming(entry, "read"):  # Path.is_dir would take one that cannot be for no folder
+            if stat.S_ISDIR(entry.stat().st_mode):
+                folders.append(entry)
+    return folders
 
 
 def list_files(folder: Path, ending: str) -> list[Path]:

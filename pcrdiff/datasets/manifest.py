@@ -7,15 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pcrdiff.datasets.listing import entries, walk_files
+from pcrdiff.datasets.listing import entries, naming, walk_files
 from pcrdiff.loops import Progress, silent
 
 Origin = Literal["synthetic", "local", "download"]
-
-
 MANIFEST = "manifest.json"
-
-
 SCHEMA = 1
 
 
@@ -46,12 +42,8 @@ def write_manifest(
     if not paths:
         raise ValueError(f"a {source} data set needs at least one file, {root} holds none")
     files = [_describe(path, folder) for path in progress(paths, f"hashing {root.name}")]
-    manifest = {
-        "schema": SCHEMA,
-        "source": source,
-        "root": str(root) if source == "local" else ".",
-        "files": files,
-    }
+    place = str(root) if source == "local" else "."
+    manifest = {"schema": SCHEMA, "source": source, "root": place, "files": files}
     out.mkdir(parents=True, exist_ok=True)
     partial = out / f".{MANIFEST}.part"
     partial.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
@@ -64,11 +56,8 @@ def _list_files(folder: Path, skip: Path) -> list[Path]:
 
 
 def _describe(path: Path, folder: Path) -> dict[str, str | int]:
-    """What a manifest says of one file."""
-    try:
+    with naming(path, "read"):
         size, digest = path.stat().st_size, hash_file(path)
-    except OSError as error:
-        raise type(error)(f"{path} cannot be read: {error.strerror or error}") from error
     return {"path": path.relative_to(folder).as_posix(), "size": size, "sha256": digest}
 
 
@@ -230,6 +219,3 @@ def _load_manifest(path: Path) -> dict[str, Any]:
     if manifest["schema"] != SCHEMA:
         raise ValueError(f"{path} needs schema {SCHEMA}, got {manifest['schema']}")
     return manifest
-
-
-# Archives from the network.

@@ -105,9 +105,6 @@ def _read_lines(path: Path) -> list[str]:
     return lines
 
 
-# The original meshes.
-
-
 def _holds_meshes(folder: Path) -> bool:
     return any(
         list_files(split, ".off")
@@ -139,9 +136,6 @@ def _list_category(category: Path) -> list[RawItem]:
     return items
 
 
-# modelnet40_ply_hdf5_2048.
-
-
 def _holds_hdf5(folder: Path) -> bool:
     names = {entry.name for entry in entries(folder)}
     lists = {"train_files.txt", "test_files.txt", "shape_names.txt"}
@@ -160,8 +154,9 @@ def _list_hdf5_split(folder: Path, split: OfficialSplit, names: list[str]) -> li
     paths = [folder / Path(line).name for line in lines]  # official ones carry authors' folders
     check_names(paths, rf"ply_data_{split}[0-9]+\.h5", f"ply_data_{split}0.h5")
     for path in paths:
-        clouds, _ = _read_hdf5(path)
-        for index, label in enumerate(_read_labels(path, len(names))):
+        clouds, labels = _read_hdf5(path)
+        _check_labels(labels, len(names), path)
+        for index, label in enumerate(labels):
             item_name = f"{path.stem}/{index:04d}"
             read = partial(_read_hdf5_cloud, path, index)
             digest = hashlib.sha256(clouds[index, :, :3].tobytes()).hexdigest()
@@ -169,15 +164,13 @@ def _list_hdf5_split(folder: Path, split: OfficialSplit, names: list[str]) -> li
     return items
 
 
-def _read_labels(path: Path, num_names: int) -> Int64[np.ndarray, " shapes"]:
-    _, labels = _read_hdf5(path)
+def _check_labels(labels: Int64[np.ndarray, " shapes"], num_names: int, path: Path) -> None:
     outside = (labels < 0) | (labels >= num_names)
     if outside.any():
         raise ValueError(
             f"{path} needs labels in 0..{num_names - 1}, as many as shape_names.txt has names, "
             f"got {labels[outside][0]} for shape {outside.argmax()}"
         )
-    return labels
 
 
 def _read_hdf5_cloud(path: Path, index: int) -> Cloud | Oriented:
@@ -238,9 +231,6 @@ def _say(entry: h5py.Dataset | h5py.Group) -> str:
     if not isinstance(entry, h5py.Dataset):
         return "a group"
     return f"{entry.dtype} {'without any value' if entry.shape is None else entry.shape}"
-
-
-# modelnet40_normal_resampled.
 
 
 def _holds_resampled(folder: Path) -> bool:

@@ -37,15 +37,10 @@ def read_items(root: Path) -> list[RawItem]:
     paths = [path for scene in scenes for path in _list_fragments(scene)]
     if not paths:
         raise FileNotFoundError(f"3DMatch needs <scene>/cloud_bin_0.ply, {root} holds no fragment")
+    fragments = [(path.parent.name, path) for path in paths]
     return [
-        RawItem(
-            name=f"{path.parent.name}/{path.stem}",
-            group=path.parent.name,
-            split=None,
-            read=partial(read_ply, path),
-            file=path,
-        )
-        for path in paths
+        RawItem(f"{scene}/{path.stem}", scene, None, partial(read_ply, path), path)
+        for scene, path in fragments
     ]
 
 
@@ -104,12 +99,8 @@ def _read_block(block: Sequence[Line], scene: Path, path: Path) -> RecordedPair:
         fragment = scene / f"cloud_bin_{number}.ply"
         if not fragment.is_file():
             raise FileNotFoundError(f"{where} names fragment {number}, but {fragment} is missing")
-    return RecordedPair(
-        source=f"{scene.name}/cloud_bin_{source}",
-        target=f"{scene.name}/cloud_bin_{target}",
-        T_target_source=check_rigid(matrix, where),
-        group=scene.name,
-    )
+    names = [f"{scene.name}/cloud_bin_{number}" for number in (source, target)]
+    return RecordedPair(names[0], names[1], check_rigid(matrix, where), scene.name)
 
 
 def _read_row(line: Line, block: str) -> list[float]:

@@ -5,7 +5,6 @@ import stat
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
 DEVICES = frozenset(
@@ -56,7 +55,7 @@ def _extract(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo, fold
         raise type(error)(f"{path} cannot be unpacked at {member.filename!r}: {error}") from error
 
 
-def _place_members(path: Path, archive: zipfile.ZipFile) -> Iterator[zipfile.ZipInfo]:
+def _place_members(path: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
     """Every member under the name that it is to have; all are looked at before the first is given.
 
     Raises:
@@ -68,17 +67,14 @@ def _place_members(path: Path, archive: zipfile.ZipFile) -> Iterator[zipfile.Zip
         place = PurePosixPath(name)
         if not place.parts or place.parts[0] == "__MACOSX":
             continue
+        got = f"got {member.orig_filename!r}"
         if place.is_absolute() or ".." in place.parts or ":" in place.parts[0]:
-            raise ValueError(
-                f"{path} needs members inside its own folder, got {member.orig_filename!r}"
-            )
+            raise ValueError(f"{path} needs members inside its own folder, {got}")
         if _is_special(member, place):
-            raise ValueError(
-                f"{path} needs members that are files or folders, got {member.orig_filename!r}"
-            )
+            raise ValueError(f"{path} needs members that are files or folders, {got}")
         member.filename = f"{place}/" if name.endswith("/") else f"{place}"
         kept.append(member)
-    return iter(kept)
+    return kept
 
 
 def _is_special(member: zipfile.ZipInfo, place: PurePosixPath) -> bool:

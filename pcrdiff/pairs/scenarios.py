@@ -188,14 +188,13 @@ def make_pairs(
             the sentence names it.
         DegenerateShape: See :func:`make_pair`; the sentence names the item.
     """
-    numbered = _numbered(shown)
-    numbers = range(0, len(numbered), BLOCK)
-    blocks = _cut(items, numbered)
-    made = spread(partial(_make_block, corruption=corruption, seed=seed), blocks)
-    watched = progress(numbers, f"pairs, {BLOCK} at a time")
-    for start, block in zip(watched, made, strict=True):
-        index = [i for _, i in numbered[start : start + BLOCK]]
-        source, target, poses, *normals = map(torch.from_numpy, block)
+    blocks = _blocks(shown)
+    made = spread(
+        partial(_make_block, corruption=corruption, seed=seed), _with_items(items, blocks)
+    )
+    for block, arrays in zip(progress(blocks, f"pairs, {BLOCK} at a time"), made, strict=True):
+        index = [i for _, i in block]
+        source, target, poses, *normals = map(torch.from_numpy, arrays)
         group = tuple(items[i].group for i in index)
         yield Pairs(source, target, poses, torch.tensor(index), group, *normals)
 
@@ -213,25 +212,23 @@ def find_degenerate(
     Raises:
         ValueError: What else it refuses.
     """
-    numbered = _numbered(shown)
-    found = spread(
-        partial(_degenerate_of_block, corruption=corruption, seed=seed), _cut(items, numbered)
-    )
-    watched = progress(range(0, len(numbered), BLOCK), f"shapes looked at, {BLOCK} at a time")
-    return [k for _, block in zip(watched, found, strict=True) for k in block]
+    blocks = _blocks(shown)
+    find = partial(_degenerate_of_block, corruption=corruption, seed=seed)
+    watched = progress(blocks, f"shapes looked at, {BLOCK} at a time")
+    found = zip(watched, spread(find, _with_items(items, blocks)), strict=True)
+    return [k for _, numbers in found for k in numbers]
 
 
-def _numbered(shown: Shown) -> list[tuple[int, int]]:
-    """Each pair's number, and the item that it shows."""
-    return list(shown.items() if isinstance(shown, Mapping) else enumerate(shown))
+def _blocks(shown: Shown) -> list[list[tuple[int, int]]]:
+    """Each pair's number and the item that it shows, ``BLOCK`` at a time."""
+    numbered = list(shown.items() if isinstance(shown, Mapping) else enumerate(shown))
+    return [numbered[start : start + BLOCK] for start in range(0, len(numbered), BLOCK)]
 
 
-def _cut(
-    items: Sequence[RawItem], numbered: Sequence[tuple[int, int]]
+def _with_items(
+    items: Sequence[RawItem], blocks: Sequence[Sequence[tuple[int, int]]]
 ) -> Iterator[list[tuple[int, RawItem]]]:
-    """The numbered items, block by block."""
-    for start in range(0, len(numbered), BLOCK):
-        yield [(k, items[i]) for k, i in numbered[start : start + BLOCK]]
+    return ([(k, items[i]) for k, i in block] for block in blocks)
 
 
 def choose_shown(index: Sequence[int], count: int | None, seed: Sequence[int]) -> list[int]:
@@ -264,16 +261,14 @@ def _make_numbered(
     try:
         generator = np.random.default_rng([*seed, k])
         return make_pair(item.read(), corruption, generator=generator)
-    except DegenerateShape as error:
-        raise DegenerateShape(f"no pair of {item.name}: {error}") from error
     except ValueError as error:
-        raise ValueError(f"no pair of {item.name}: {error}") from error
+        kind = DegenerateShape if isinstance(error, DegenerateShape) else ValueError
+        raise kind(f"no pair of {item.name}: {error}") from error
 
 
 def _degenerate_of_block(
     numbered: Sequence[tuple[int, RawItem]], corruption: Corruption, seed: Sequence[int]
 ) -> list[int]:
-    """The numbers of those pairs whose shape is degenerate."""
     found = []
     for k, item in numbered:
         try:

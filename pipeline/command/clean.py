@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from filelock import FileLock, Timeout
-
 from pipeline.tracking.journal import journals_folder
+from pipeline.tracking.records import is_held
 from pipeline.tracking.run import is_dvc
 
 SETTLING_SECONDS = 600.0  # DVC makes a folder some time before it works in it
@@ -29,10 +28,11 @@ def leftovers(root: Path, *, days: float) -> list[Leftover]:
         root: The project.
         days: Checkpoints touched since then are kept: their trainings can still resume.
     """
+    shipped = (journals_folder(root) / "done").glob("*/")
     return [
         *(Leftover(path, "folder of a dead experiment") for path in dead_experiments(root)),
         *(Leftover(path, "old checkpoint") for path in _old_checkpoints(root, days)),
-        *(Leftover(path, "journal that is in MLflow") for path in _shipped(root)),
+        *(Leftover(path, "journal that is in MLflow") for path in sorted(shipped)),
     ]
 
 
@@ -70,24 +70,10 @@ def _old_checkpoints(root: Path, days: float) -> Iterator[Path]:
     """Yield the checkpoints that no process holds and nothing has touched for so long."""
     for folder in sorted((root / ".pcrdiff" / "checkpoints").glob("*/")):
         age = time.time() - max(path.stat().st_mtime for path in [folder, *folder.iterdir()])
-        if age >= days * 86400 and _is_free(lock_of(folder)):
+        if age >= days * 86400 and not is_held(lock_of(folder)):
             yield folder
-
-
-def _shipped(root: Path) -> list[Path]:
-    return sorted((journals_folder(root) / "done").glob("*/"))
 
 
 def lock_of(folder: Path) -> Path:
     """Return the lock file beside a checkpoint's folder."""
     return folder.parent / f"{folder.name}.lock"
-
-
-def _is_free(lock: Path) -> bool:
-    if not lock.exists():
-        return True
-    try:
-        with FileLock(lock, blocking=False):
-            return True
-    except Timeout:
-        return False

@@ -119,16 +119,11 @@ def mlflow_ui(port: Annotated[int, typer.Option(help="Port on 127.0.0.1.")] = 50
         return
     # under a lock: a server that creates the tables may meet a stage doing it
     page = runs_page(*open_store(root))
-    store = [
-        "--backend-store-uri",
-        uri,
-        "--default-artifact-root",
-        artifacts_folder(uri, root) or uri,
-    ]
+    store = ["--backend-store-uri", uri]
+    store += ["--default-artifact-root", artifacts_folder(uri, root) or uri]
     typer.echo(f"http://127.0.0.1:{port}/{page}")
-    become_module(
-        "mlflow", "server", "--host", "127.0.0.1", "--port", str(port), "--workers", "1", *store
-    )
+    where = ["--host", "127.0.0.1", "--port", str(port), "--workers", "1"]
+    become_module("mlflow", "server", *where, *store)
 
 
 @app.command()
@@ -188,7 +183,6 @@ def _fitting_jobs() -> int:
 
 
 def _root() -> Path:
-    """Return the project the command is run in."""
     from pipeline.tracking.run import project_root
 
     _check_user()
@@ -201,10 +195,8 @@ def _check_user() -> None:
     try:
         Path.home()
     except RuntimeError as error:
-        needed = "DVC and MLflow need a home folder"
-        raise ValueError(
-            f"{needed}, and {who}: set HOME to a folder that can be written"
-        ) from error
+        needed = f"DVC and MLflow need a home folder, and {who}"
+        raise ValueError(f"{needed}: set HOME to a folder that can be written") from error
     try:
         getpass.getuser()
     except (KeyError, OSError) as error:  # OSError from Python 3.13 on

@@ -5,7 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -51,35 +51,28 @@ def check_packages(_root: Path) -> Iterator[Diagnosis]:
     from packaging.requirements import Requirement
 
     yield Diagnosis("ok", f"Python {sys.version.split()[0]}")
-    missing = 0
-    for text in metadata.requires("pcrdiff") or []:
-        need = Requirement(text)
-        if need.marker and not need.marker.evaluate({"extra": ""}):
-            continue
-        have = _version(need.name)
-        if not need.specifier.contains(have or "0", prereleases=True) or not have:
-            missing += 1
-            yield Diagnosis("error", f"{need.name} is {have or 'missing'}, needed is {need}")
-    if not missing:
-        yield Diagnosis("ok", "all required packages are there")
+    needs = [Requirement(text) for text in metadata.requires("pcrdiff") or []]
+    faults = [
+        Diagnosis("error", f"{need.name} is {have or 'missing'}, needed is {need}")
+        for need in needs
+        if not need.marker or need.marker.evaluate({"extra": ""})
+        if not (have := _version(need.name)) or not need.specifier.contains(have, prereleases=True)
+    ]
+    yield from faults or [Diagnosis("ok", "all required packages are there")]
 
 
 def check_lock(root: Path) -> Iterator[Diagnosis]:
     """The installed versions against each ``requirements/*.txt`` that pins them."""
     for path in sorted((root / "requirements").glob("*.txt")):
         pinned = list(_pinned(path))
-        have = {pin.name: _version(pin.name) for pin in pinned}
         other = [
             f"{pin.name} {version} (locked {str(pin.specifier).removeprefix('==')})"
             for pin in pinned
-            if (version := have[pin.name]) and not pin.specifier.contains(version, prereleases=True)
+            if (version := _version(pin.name))
+            and not pin.specifier.contains(version, prereleases=True)
         ]
-        if other:
-            named = f"{', '.join(other[:5])}{', ...' if len(other) > 5 else ''}"
-            sentence = f"{len(other)} of {len(pinned)} packages are not as in {path.name}: {named}"
-            yield Diagnosis("warning", sentence)
-        else:
-            yield Diagnosis("ok", f"the packages are as in {path.name}")
+        are = f"{len(other)} of {len(pinned)} packages are not as in {path.name}: {_some(other)}"
+        yield _warning_if(other, are, f"the packages are as in {path.name}")
 
 
 def check_open3d(_root: Path) -> Iterator[Diagnosis]:
@@ -109,12 +102,9 @@ def check_code_in_git(root: Path) -> Iterator[Diagnosis]:
         return
     listed = ask_git("ls-files", "--others", "--exclude-standard", "--", "*.py", folder=root)
     new = listed.splitlines()
-    if new:
-        named = ", ".join(new[:5]) + (", ..." if len(new) > 5 else "")
-        advice = "`dvc exp run` would not commit them; git add them"
-        yield Diagnosis("warning", f"{len(new)} Python files are not in git: {named}; {advice}")
-    else:
-        yield Diagnosis("ok", "all Python files are in git")
+    advice = "`dvc exp run` would not commit them; git add them"
+    are = f"{len(new)} Python files are not in git: {_some(new)}; {advice}"
+    yield _warning_if(new, are, "all Python files are in git")
 
 
 def check_shell(root: Path) -> Iterator[Diagnosis]:
@@ -154,11 +144,8 @@ def check_dvc_files(root: Path) -> Iterator[Diagnosis]:
 def check_dead_experiments(root: Path) -> Iterator[Diagnosis]:
     """No folders of killed experiments."""
     dead = list(dead_experiments(root))
-    if dead:
-        sentence = f"{len(dead)} folders of killed experiments; `pcrdiff clean` removes them"
-        yield Diagnosis("warning", sentence)
-    else:
-        yield Diagnosis("ok", "no folders of killed experiments")
+    are = f"{len(dead)} folders of killed experiments; `pcrdiff clean` removes them"
+    yield _warning_if(dead, are, "no folders of killed experiments")
 
 
 def check_mlflow(root: Path) -> Iterator[Diagnosis]:
@@ -170,10 +157,8 @@ def check_mlflow(root: Path) -> Iterator[Diagnosis]:
     uri = tracking_uri(root)
     client, experiment = open_store(root)
     yield Diagnosis("ok", f"MLflow answers at {public(uri)}")
-    kept, expected = (
-        client.get_experiment(experiment).artifact_location,
-        artifacts_folder(uri, root),
-    )
+    kept = client.get_experiment(experiment).artifact_location
+    expected = artifacts_folder(uri, root)
     if expected and kept != expected:
         yield Diagnosis("warning", f"MLflow keeps artifacts in {kept}, not in {expected}")
     waiting = len(waiting_records(root))
@@ -203,6 +188,14 @@ def check_weights(root: Path) -> Iterator[Diagnosis]:
             yield Diagnosis("error", f"{path.relative_to(root)} cannot be read: {error}")
     if not bad:
         yield Diagnosis("ok", f"{len(paths)} weights files are readable")
+
+
+def _warning_if(found: Sequence[object], sentence: str, fine: str) -> Diagnosis:
+    return Diagnosis("warning", sentence) if found else Diagnosis("ok", fine)
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
 
 
 def _pinned(path: Path) -> Iterator["Requirement"]:

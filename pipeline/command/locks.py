@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
-from typing import BinaryIO
 
 from filelock import FileLock, Timeout
 
@@ -38,21 +37,17 @@ def _holding(path: Path) -> Iterator[None]:
     """Hold one of the locks of DVC, whose manual says that they are those of ``flock``."""
     until = time.monotonic() + PATIENCE
     with path.open("ab") as file:
-        while not _take(file):
-            if time.monotonic() > until:
-                owner = path.read_text(errors="replace").strip()
-                who = f"another DVC works in {path.parents[2]} (process {owner or 'unknown'})"
-                raise ValueError(f"{who}: wait until it has ended, or end it")
+        while True:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError as error:
+                if time.monotonic() > until:
+                    owner = path.read_text(errors="replace").strip() or "unknown"
+                    who = f"another DVC works in {path.parents[2]} (process {owner})"
+                    raise ValueError(f"{who}: wait until it has ended, or end it") from error
             time.sleep(0.1)
         yield
-
-
-def _take(file: BinaryIO) -> bool:
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
 
 
 @contextmanager

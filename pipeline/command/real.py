@@ -15,7 +15,7 @@ from pipeline.command.locks import check_locks
 from pipeline.formats.files import write_atomically
 from pipeline.formats.yaml_files import read_mapping
 from pipeline.settings.profiles import profile_values
-from pipeline.tracking.run import SHELL, check_experiments
+from pipeline.tracking.run import SHELL, ask_git, check_experiments
 
 NAME = "real"
 VARIABLE = "PCRDIFF_REAL_DATA"
@@ -101,7 +101,7 @@ def _escaped(found: re.Match[str]) -> str:
 
 def _fetch(root: Path) -> list[Path]:
     """Take the experiment's tables, figures and page out of DVC's cache."""
-    refs = _git(root, "for-each-ref", "--format=%(refname)", "refs/exps").decode().split()
+    refs = ask_git("for-each-ref", "--format=%(refname)", "refs/exps", folder=root).split()
     ref = next((ref for ref in refs if ref.endswith(f"/{NAME}")), None)
     if ref is None:
         raise ValueError(f"DVC kept no experiment {NAME!r}; `dvc exp show` lists those there are")
@@ -126,10 +126,3 @@ def _dvc(root: Path, *words: str, check: bool = True) -> None:
     code = subprocess.run(command, cwd=root, env=where, stderr=quiet, check=False).returncode
     if check and code:
         raise ValueError(f"`dvc {' '.join(words[:2])}` failed with exit code {code}, see above")
-
-
-def _git(root: Path, *words: str) -> bytes:
-    done = subprocess.run(["git", *words], cwd=root, check=False, stdout=subprocess.PIPE)
-    if done.returncode:
-        raise ValueError(f"`git {words[0]}` failed with exit code {done.returncode}, see above")
-    return done.stdout

@@ -143,7 +143,6 @@ class Launcher:
         self.running[pid] = Running(stage, log)
 
     def _reap(self) -> Iterator[Finished]:
-        """Wait for the next stage to end."""
         pid, status, used = os.wait4(-1, 0)
         one = self.running.pop(pid, None)
         if one is None:

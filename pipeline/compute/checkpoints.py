@@ -63,7 +63,10 @@ class DiskCheckpoint:
         except TypeError as error:
             raise ValueError(f"a checkpoint's record must be JSON: {error}") from error
         self._saved_at = time.monotonic()
-        copies = {name: _on_cpu(tensor) for name, tensor in tensors.items()}
+        copies = {  # which share memory with nothing, as safetensors wants it
+            name: tensor.detach().to("cpu", copy=True).contiguous()
+            for name, tensor in tensors.items()
+        }
         try:
             self._replace(copies, text)
         except (SafetensorError, OSError) as error:
@@ -82,7 +85,7 @@ class DiskCheckpoint:
 
 
 class NoCheckpoint:
-    """What the processes have that train along with the first, which keeps the state of all."""
+    """A training that is not resumed, or of a process beside the first, which keeps the state."""
 
     def due(self) -> bool:
         """Say that there is nothing to do."""
@@ -120,8 +123,7 @@ def open_checkpoint(
     try:
         lock.acquire()
     except Timeout as error:
-        owner = _owner(folder)
-        same = f"another training with the same params and inputs is running ({owner})"
+        same = f"another training with the same params and inputs is running ({_owner(folder)})"
         raise ValueError(f"{same}; it holds {lock.lock_file}") from error
     try:
         folder.mkdir(parents=True, exist_ok=True)  # the holder before may have just removed it
@@ -146,7 +148,9 @@ def fingerprint(params: Mapping[str, object], deps: Sequence[Path]) -> str:
     for path in deps:
         if not path.exists():
             raise FileNotFoundError(f"the training depends on {path}, which is not there")
-    read = sorted([path.as_posix(), content_md5(path)] for path in map(_relative, deps))
+    here = Path.cwd()  # paths from it are the same in the folder of every ``dvc exp run --temp``
+    paths = [path.relative_to(here) if path.is_relative_to(here) else path for path in deps]
+    read = sorted([path.as_posix(), content_md5(path)] for path in paths)
     return hashlib.sha256(json.dumps([described, read]).encode()).hexdigest()
 
 
@@ -155,21 +159,10 @@ def checkpoints_folder(root: Path) -> Path:
     return root / ".pcrdiff" / "checkpoints"
 
 
-def _relative(path: Path) -> Path:
-    """Return the path from here: the same in the folder of every ``dvc exp run --temp``."""
-    here = Path.cwd()
-    return path.relative_to(here) if path.is_relative_to(here) else path
-
-
 def _read(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, object]]:
     with safe_open(path, framework="pt") as file:
         record: dict[str, object] = json.loads(file.metadata()[RECORD])
         return {name: file.get_tensor(name).clone() for name in file.keys()}, record  # noqa: SIM118  no mapping
-
-
-def _on_cpu(tensor: torch.Tensor) -> torch.Tensor:
-    """Return a copy that shares memory with nothing, as safetensors wants it."""
-    return tensor.detach().to("cpu", copy=True).contiguous()
 
 
 def _owner(folder: Path) -> str:

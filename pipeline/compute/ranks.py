@@ -73,8 +73,8 @@ def join(devices: int, nodes: int) -> Iterator[Processes]:
     try:
         yield together
     except RuntimeError as error:
-        if not _is_of_connection(error):
-            raise
+        if not (isinstance(error, distributed.DistError) or "gloo" in str(error).lower()):
+            raise  # something that this process did
         raise RuntimeError(
             f"process {together.rank} of {together.count} ends because it has lost another; "
             "if that one could say why, it has"
@@ -119,8 +119,3 @@ def _launch(devices: int, nodes: int) -> "Fabric":
     )
     fabric.launch()
     return fabric
-
-
-def _is_of_connection(error: RuntimeError) -> bool:
-    """Whether it tells of a process that has gone, and not of something this one did."""
-    return isinstance(error, distributed.DistError) or "gloo" in str(error).lower()

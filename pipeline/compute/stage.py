@@ -24,11 +24,7 @@ def sentence(error: Exception) -> str:
         RecursionError: "something is nested too deeply",
     }
     cause = next((cause for kind, cause in causes.items() if isinstance(error, kind)), "")
-    return _shortened(": ".join(part for part in (cause, said) if part))
-
-
-def _shortened(said: str) -> str:
-    """Leave out the middle of what quotes megabytes; the ends say where, and what was needed."""
-    if len(said) <= LONGEST:
-        return said
-    return f"{said[: LONGEST - 500]} ... {said[-500:]}"
+    whole = ": ".join(part for part in (cause, said) if part)
+    if len(whole) <= LONGEST:
+        return whole
+    return f"{whole[: LONGEST - 500]} ... {whole[-500:]}"  # where, and what was needed

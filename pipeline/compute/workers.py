@@ -58,9 +58,6 @@ def _in_order(
         yield waiting.popleft().result()
 
 
-# On this machine.
-
-
 def _over_processes(
     processes: int, threads: int, function: Callable[[Item], Result], items: Iterable[Item]
 ) -> Iterator[Result]:
@@ -103,9 +100,6 @@ def _start_worker(pickled: bytes, threads: int, precision: SearchPrecision) -> N
 
 def _call_here(item: Any) -> Any:  # noqa: ANN401  as the function
     return _here[0](item)
-
-
-# On other machines.
 
 
 def _over_machines(

@@ -46,16 +46,9 @@ def write_ablation(
 
 def _rows(truth: Pairs, setting: str, given: "Estimates") -> list[list[object]]:
     pose, true_pose = given.T_target_source, truth.T_target_source
-    numbers = torch.cat(
-        [
-            error_r_deg(pose, true_pose).unsqueeze(-1),
-            error_t(pose, true_pose).unsqueeze(-1),
-            euler_difference_deg(pose, true_pose),
-            translation_difference(pose, true_pose),
-            pose[:, :3].flatten(1),
-        ],
-        dim=-1,
-    ).tolist()
+    compared = error_r_deg, error_t, euler_difference_deg, translation_difference
+    columns = [compare(pose, true_pose) for compare in compared]
+    numbers = torch.column_stack([*columns, pose[:, :3].flatten(1)]).tolist()
     return [
         [k, int(truth.item[k]), truth.group[k], setting, given.failures[k], *numbers[k]]
         for k in range(len(truth))

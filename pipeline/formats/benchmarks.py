@@ -1,9 +1,9 @@
 """The format of ``benchmarks/**/*.csv``: what `make bench` measured, and what the report shows of it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from pipeline.formats.files import read_csv, write_csv
 
@@ -93,17 +93,21 @@ class Benchmarks:
     ceilings: Sequence[Ceiling] = ()
 
 
-Row = TypeVar("Row", Ratio, Latency, PeakMemory, Ceiling)
-SPEED = "speed.csv"
-LATENCY, MEMORY, CEILINGS = (f"details/{name}.csv" for name in ("latency", "memory", "ceilings"))
+FILES: Mapping[str, tuple[str, type[Any]]] = {
+    "latencies": ("details/latency.csv", Latency),
+    "memory": ("details/memory.csv", PeakMemory),
+    "ceilings": ("details/ceilings.csv", Ceiling),
+    "ratios": ("speed.csv", Ratio),
+}
+"""The file of each part of ``Benchmarks`` and the kind of its rows, in the order of writing."""
 
 
 def write_benchmarks(folder: Path, found: Benchmarks) -> None:
     """Write the four files, numbers with five digits."""
-    _write(folder / LATENCY, Latency, found.latencies)
-    _write(folder / MEMORY, PeakMemory, found.memory)
-    _write(folder / CEILINGS, Ceiling, found.ceilings)
-    _write(folder / SPEED, Ratio, found.ratios)
+    for part, (name, kind) in FILES.items():
+        header = [field.name for field in fields(kind)]
+        rows = [[_text(value) for value in astuple(row)] for row in getattr(found, part)]
+        write_csv(folder / name, [header, *rows])
 
 
 def read_benchmarks(folder: Path) -> Benchmarks | None:
@@ -112,40 +116,27 @@ def read_benchmarks(folder: Path) -> Benchmarks | None:
     Raises:
         ValueError: A file is cut short, or has other columns.
     """
-    if not (folder / SPEED).is_file():
+    if not (folder / FILES["ratios"][0]).is_file():
         return None
-    return Benchmarks(
-        ratios=_read(folder / SPEED, Ratio),
-        latencies=_read(folder / LATENCY, Latency),
-        memory=_read(folder / MEMORY, PeakMemory),
-        ceilings=_read(folder / CEILINGS, Ceiling),
-    )
-
-
-def columns(kind: type[Any]) -> list[str]:
-    """The header of a file with rows of this kind."""
-    return [field.name for field in fields(kind)]
-
-
-def _write(file: Path, kind: type[Any], rows: Sequence[Any]) -> None:
-    write_csv(file, [columns(kind), *([_text(value) for value in astuple(row)] for row in rows)])
+    parts = {part: _read(folder / name, kind) for part, (name, kind) in FILES.items()}
+    return Benchmarks(**parts)
 
 
 def _text(value: object) -> str:
     return f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
-def _read(file: Path, kind: type[Row]) -> list[Row]:
+def _read(file: Path, kind: type[Any]) -> list[Any]:
     """The rows of a file; none where it is missing."""
     if not file.is_file():
         return []
     header, rows = read_csv(file)
-    if header != columns(kind):
-        raise ValueError(f"{file} needs the columns {columns(kind)}, has {header}")
-    types = [field.type for field in fields(kind)]
+    types: dict[str, Any] = {field.name: field.type for field in fields(kind)}
+    if header != [*types]:
+        raise ValueError(f"{file} needs the columns {[*types]}, has {header}")
     try:
         return [
-            kind(*(make(text) for make, text in zip(types, row, strict=True)))  # type: ignore[operator]
+            kind(*(make(text) for make, text in zip(types.values(), row, strict=True)))
             for row in rows
         ]
     except ValueError as error:

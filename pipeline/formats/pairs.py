@@ -36,10 +36,7 @@ class Streamed:
 
 
 def write_pairs(
-    path: Path,
-    splits: Mapping[str, Streamed],
-    label: str,
-    attributes: Mapping[str, Any],
+    path: Path, splits: Mapping[str, Streamed], label: str, attributes: Mapping[str, Any]
 ) -> None:
     """Write a pair file block by block; the same pairs give the same bytes, however they are cut.
 
@@ -67,22 +64,17 @@ def _write_split(group: h5py.Group, streamed: Streamed, label: str) -> None:
     for block in streamed.blocks:
         for field in (*KINDS, *NORMALS):
             values = getattr(block, field)
-            if values is not None:
-                _write_rows(group, field, written, values.numpy(), streamed.count)
+            if values is None:
+                continue
+            rows = values.numpy()
+            if not written:
+                group.create_dataset(field, (streamed.count, *rows.shape[1:]), rows.dtype)
+            group[field][written : written + len(rows)] = rows
         written += len(block)
         groups += block.group
     if written != streamed.count or not written:
         raise ValueError(f"{group.name} needs its {streamed.count} pairs, got {written}")
     group.create_dataset(label, data=groups, dtype=h5py.string_dtype())
-
-
-def _write_rows(
-    group: h5py.Group, name: str, start: int, rows: np.ndarray[Any, Any], count: int
-) -> None:
-    """Write some rows of a dataset of ``count``, which takes its place in the file at the first."""
-    if start == 0:
-        group.create_dataset(name, (count, *rows.shape[1:]), rows.dtype)
-    group[name][start : start + len(rows)] = rows
 
 
 def read_pairs(path: Path, split: str) -> Pairs:

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float64
@@ -10,8 +9,6 @@ from jaxtyping import Float64
 from pipeline.formats.answers import POSE
 from pipeline.formats.files import read_csv, write_csv
 
-PoseKind = Literal["noisy", "predicted"]
-"""G_t, read as a pose, or the prediction of G_0 made from it."""
 COLUMNS = ("pair", "step", "time", "kind", *POSE)
 
 
@@ -55,7 +52,7 @@ def read_walks(path: Path) -> list[RecordedWalk]:
 
 
 def _walk(method: str, pair: int, rows: list[list[str]]) -> RecordedWalk:
-    poses: dict[str, list[Float64[np.ndarray, "4 4"]]] = {kind: [] for kind in get_args(PoseKind)}
+    poses: dict[str, list[Float64[np.ndarray, "4 4"]]] = {"noisy": [], "predicted": []}
     for row in rows:
         pose = np.eye(4)
         pose[:3] = np.array([float(text) for text in row[4:]]).reshape(3, 4)

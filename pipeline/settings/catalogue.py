@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from pydantic import Field
-from pydantic.fields import FieldInfo
 
 from pipeline.settings.sections import (
     Count,
@@ -210,11 +209,10 @@ class Methods(Section):
     pcrdiffusion_cb: Learned[CorrespondenceBased, NoSetting] = entry("PCRDiffusion CB", "diffused")
 
 
-def _entry(field: FieldInfo) -> Entry:
-    return Entry(**field.json_schema_extra)  # type: ignore[arg-type]  # a mapping, see `entry`
-
-
-CATALOGUE = {name: _entry(field) for name, field in Methods.model_fields.items()}
+CATALOGUE = {
+    name: Entry(**field.json_schema_extra)  # type: ignore[arg-type]  # a mapping, see `entry`
+    for name, field in Methods.model_fields.items()
+}
 """Every method by its name, in the order of the rows."""
 
 

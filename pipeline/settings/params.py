@@ -1,6 +1,7 @@
 """The typed face of params.yaml: one frozen model per section, nothing optional, nothing extra."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
 from math import radians
 from pathlib import Path
 from reprlib import Repr
@@ -256,7 +257,8 @@ class Params(Section):
     def _names_agree(self) -> "Params":
         _differ_in_more_than_case("acquire", self.acquire)
         _differ_in_more_than_case("scenarios", self.scenarios)
-        _same("run.scenarios", self.run.scenarios, "scenarios", list(self.scenarios))
+        if other := set(self.run.scenarios) ^ set(self.scenarios):
+            raise ValueError(f"run.scenarios needs the same names as scenarios: {other} differ")
         self._check_scenarios()
         self._check_what_is_named()
         self._check_trainings()
@@ -267,15 +269,26 @@ class Params(Section):
         for name, scenario in self.scenarios.items():
             if scenario.dataset not in self.acquire:
                 raise ValueError(f"scenarios.{name}.dataset {scenario.dataset!r} is not in acquire")
-        for where, named in self._scenarios_named():
-            if named not in self.scenarios:
-                raise ValueError(f"{where} {named!r} is not in scenarios")
+        named = [(f"trainings.{name}", each) for name, on in self.trainings.items() for each in on]
+        named += [
+            ("ablation.scenario", self.ablation.scenario),
+            ("ablation.noise.scenario", self.ablation.noise.scenario),
+            ("timing.scenario", self.timing.scenario),
+        ]
+        for where, name in named:
+            if name not in self.scenarios:
+                raise ValueError(f"{where} {name!r} is not in scenarios")
 
     def _check_trainings(self) -> None:
         for method in self.run.baselines:
             if not self.trainings.get(method):
                 raise ValueError(f"run.baselines needs trainings.{method}, which is not there")
-        for where, method, scenario in self._trainings_named():
+        run, ablation, noise = self.run, self.ablation, self.ablation.noise
+        needed = [("run.diffused", *each) for each in product(run.diffused, run.scenarios)]
+        needed += [("ablation.methods", method, ablation.scenario) for method in ablation.methods]
+        learned = [method for method in noise.methods if method in learned_names()]
+        needed += [("ablation.noise.methods", method, noise.scenario) for method in learned]
+        for where, method, scenario in needed:
             if scenario not in self.trainings.get(method, {}):
                 raise ValueError(f"{where} needs trainings.{method}.{scenario}, which is not there")
         for method, epochs in self.trainings.items():
@@ -283,14 +296,23 @@ class Params(Section):
                 self._check_normals(scenario, method)
 
     def _check_what_is_named(self) -> None:
-        """Every method that is named exists and is of the kind that is needed."""
-        _check_methods("run.diffused", self.run.diffused, DIFFUSED)
-        _check_methods("run.baselines", self.run.baselines, baseline_names())
-        _check_methods("train", self.train.__pydantic_extra__, learned_names())
-        _check_methods("trainings", self.trainings, learned_names())
-        _check_methods("run.classical", self.run.classical, classical_names())
-        _check_methods("ablation.methods", self.ablation.methods, DIFFUSED)
-        _check_methods("ablation.noise.methods", self.ablation.noise.methods, sorted(CATALOGUE))
+        """Every method that is named exists and is of the kind that is needed.
+
+        DVC makes paths and commands of these names too.
+        """
+        named: list[tuple[str, Iterable[str], Sequence[str]]] = [
+            ("run.diffused", self.run.diffused, DIFFUSED),
+            ("run.baselines", self.run.baselines, names_of("baseline")),
+            ("train", self.train.__pydantic_extra__, learned_names()),
+            ("trainings", self.trainings, learned_names()),
+            ("run.classical", self.run.classical, classical_names()),
+            ("ablation.methods", self.ablation.methods, DIFFUSED),
+            ("ablation.noise.methods", self.ablation.noise.methods, sorted(CATALOGUE)),
+        ]
+        for where, methods, known in named:
+            for method in methods:
+                if method not in known:
+                    raise ValueError(f"{where} needs some of {list(known)}, got {method!r}")
         self._check_sections()
         self._check_ablated_methods()
 
@@ -304,8 +326,13 @@ class Params(Section):
                     raise ValueError(f"{method} needs a section {name}.{method}, there is none")
 
     def _check_ablated_methods(self) -> None:
-        for method in self.ablation.methods:
-            for name, given in self._numbers_by_method().items():
+        ablation = self.ablation
+        numbers = {
+            "ablation.epochs": ablation.epochs,
+            "ablation.sampling.draws": ablation.sampling.draws,
+        }
+        for method in ablation.methods:
+            for name, given in numbers.items():
                 if method not in given:
                     raise ValueError(f"{name} needs a number for {method}, has {sorted(given)}")
             self._check_varied(method)
@@ -313,44 +340,12 @@ class Params(Section):
     def _check_varied(self, method: str) -> None:
         """The method as it is is trained once, as one of the representations in one scaling."""
         network, ablation = getattr(self.methods, method).network, self.ablation
-        where = f"methods.{method}.network"
-        for key, listed in (("representation", "representations"), ("scaling", "scalings")):
-            own = getattr(network, key)
-            if own not in getattr(ablation, listed):
-                raise ValueError(
-                    f"ablation.{listed} needs {where}.{key} among them, which is {own}"
-                )
-        for key, listed in (("diffusion", "diffusions"), ("fusion", "fusions")):
-            own = getattr(network, key, None)
-            if own in getattr(ablation, listed):
-                raise ValueError(
-                    f"ablation.{listed} needs others than {where}.{key}, which is {own}"
-                )
-
-    def _numbers_by_method(self) -> dict[str, dict[str, Count]]:
-        """The numbers that the ablations need for each of their methods."""
-        draws = self.ablation.sampling.draws
-        return {"ablation.epochs": self.ablation.epochs, "ablation.sampling.draws": draws}
-
-    def _scenarios_named(self) -> Iterator[tuple[str, str]]:
-        """Where a section names a scenario, and which."""
-        for method, epochs in self.trainings.items():
-            for scenario in epochs:
-                yield f"trainings.{method}", scenario
-        yield "ablation.scenario", self.ablation.scenario
-        yield "ablation.noise.scenario", self.ablation.noise.scenario
-        yield "timing.scenario", self.timing.scenario
-
-    def _trainings_named(self) -> Iterator[tuple[str, str, str]]:
-        """Where a section needs a training, of which method and on which scenario."""
-        for method in self.run.diffused:
-            for scenario in self.run.scenarios:
-                yield "run.diffused", method, scenario
-        for method in self.ablation.methods:
-            yield "ablation.methods", method, self.ablation.scenario
-        for method in self.ablation.noise.methods:
-            if method in learned_names():
-                yield "ablation.noise.methods", method, self.ablation.noise.scenario
+        for key in ("representation", "scaling", "diffusion", "fusion"):
+            own, where = getattr(network, key, None), f"methods.{method}.network.{key}"
+            listed, among = f"{key}s", key in ("representation", "scaling")
+            if (own in getattr(ablation, listed)) != among:
+                needed = f"{where} among them" if among else f"others than {where}"
+                raise ValueError(f"ablation.{listed} needs {needed}, which is {own}")
 
     def _check_normals(self, scenario: str, method: str) -> None:
         kept = self.scenarios[scenario].normals
@@ -379,21 +374,9 @@ def learned_names() -> list[str]:
     return names_of("baseline", "diffused")
 
 
-def baseline_names() -> list[str]:
-    """The learned methods that do not walk a pose back from noise."""
-    return names_of("baseline")
-
-
 def classical_names() -> list[str]:
     """The methods that are not trained."""
     return names_of("floor", "classical")
-
-
-def _check_methods(where: str, methods: Iterable[str], known: Sequence[str]) -> None:
-    """DVC makes paths and commands of these names too."""
-    for method in methods:
-        if method not in known:
-            raise ValueError(f"{where} needs some of {list(known)}, got {method!r}")
 
 
 def _differ_in_more_than_case(where: str, names: Iterable[str]) -> None:
@@ -403,11 +386,6 @@ def _differ_in_more_than_case(where: str, names: Iterable[str]) -> None:
         other = seen.setdefault(name.lower(), name)
         if other != name:
             raise ValueError(f"{where} has {other!r} and {name!r}, which differ in case only")
-
-
-def _same(a_name: str, a: Sequence[str], b_name: str, b: Sequence[str]) -> None:
-    if set(a) != set(b):
-        raise ValueError(f"{a_name} needs the same names as {b_name}: {set(a) ^ set(b)} differ")
 
 
 def pick(sections: Mapping[str, Named], name: str, where: str) -> Named:

@@ -8,7 +8,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from pipeline.formats.yaml_files import read_mapping
+from pipeline.formats.yaml_files import flat, read_mapping
 from pipeline.settings.params import Params, check_params
 
 BASE = "quick"
@@ -30,10 +30,6 @@ def profile_values(root: Path, name: str) -> Values:
 
     They are those of the profile that it extends without the keys that it lists under ``WITHOUT``,
     and with its own values: mappings are merged key by key, lists and other values replaced.
-
-    Args:
-        root: The project.
-        name: The profile.
 
     Raises:
         FileNotFoundError: There is no such profile.
@@ -83,9 +79,9 @@ def write_profile(root: Path, name: str, *, force: bool) -> list[str]:
     return changed_values(present, wanted)
 
 
-def changed_values(old: object, new: object) -> list[str]:
+def changed_values(old: Values, new: Values) -> list[str]:
     """Return ``key: old -> new`` for each value in which the contents of two YAML files differ."""
-    before, after = _flat(old), _flat(new)
+    before, after = ({key: repr(value) for key, value in flat(each).items()} for each in (old, new))
     changed = [key for key in sorted({*before, *after}) if before.get(key) != after.get(key)]
     return [f"{key}: {before.get(key, 'absent')} -> {after.get(key, 'absent')}" for key in changed]
 
@@ -158,11 +154,3 @@ def _replace(document: Values, wanted: Mapping[str, Any]) -> None:
             _replace(document[key], value)
         elif key not in document or document[key] != value:
             document[key] = value
-
-
-def _flat(values: object, prefix: str = "") -> dict[str, str]:
-    """Return nested mappings as ``a.b.c`` -> text; lists stay whole."""
-    if not isinstance(values, dict):
-        return {prefix.removesuffix("."): repr(values)}
-    parts = (_flat(value, f"{prefix}{key}.") for key, value in values.items())
-    return {key: value for part in parts for key, value in part.items()}

@@ -53,7 +53,6 @@ def settings_trained(params: Params, method: str, variant: Variant) -> list[str]
 
 
 def _methods(params: Params, name: str) -> Sequence[str]:
-    """The methods that an ablation is of."""
     return FUSED if name == "fusion" else params.ablation.methods
 
 

@@ -18,7 +18,8 @@ def seen_files(folder: Path) -> Iterator[Path]:
         OSError: A folder cannot be listed, or ``.dvcignore`` cannot be read.
     """
     top = folder.absolute()  # links stay: DVC matches the path that dvc.yaml names
-    root = _root(top)
+    # in `dvc exp run --temp` the project is its workspace
+    root = next((place for place in top.parents if (place / ".dvc").is_dir()), top)
     ignored = _patterns(root / NAME)
     for place, folders, names in os.walk(top, onerror=_refuse):
         inside = os.path.relpath(place, root)
@@ -27,12 +28,6 @@ def seen_files(folder: Path) -> Iterator[Path]:
             path = Path(place, name)
             if not ignored.match_file(f"{inside}/{name}") and path.is_file():
                 yield folder / path.relative_to(top)
-
-
-def _root(folder: Path) -> Path:
-    """The project around a folder; in ``dvc exp run --temp`` that is its workspace."""
-    above = (place for place in folder.parents if (place / ".dvc").is_dir())
-    return next(above, folder)
 
 
 def _patterns(path: Path) -> GitIgnoreSpec:

@@ -46,12 +46,8 @@ class Journal:
         except (OSError, NotImplementedError) as error:
             _warn(f"nothing of this stage will reach MLflow: {error}")
 
-    def metric(self, name: str, value: float, step: int | None = None) -> None:
-        """Note one number; ``step`` (an epoch, say) makes it a point of a curve."""
-        self.metrics({name: value}, step)
-
     def metrics(self, values: Mapping[str, float], step: int | None = None) -> None:
-        """Note several numbers of the same step."""
+        """Note numbers; ``step`` (an epoch, say) makes each a point of a curve."""
         try:
             numbers = {name: float(value) for name, value in values.items()}
         except (TypeError, ValueError) as error:
@@ -90,8 +86,9 @@ class Journal:
         """Write one event, stamped with the time in ms since 1970."""
         if self._file is None:
             return
+        now = time.time_ns() // 1_000_000
         try:
-            self._file.write(json.dumps({"time": now_ms(), **event}, default=str) + "\n")
+            self._file.write(json.dumps({"time": now, **event}, default=str) + "\n")
             self._file.flush()
         except (OSError, TypeError, ValueError) as error:
             _warn(f"an event of kind {event.get('event')} was not kept: {error}")
@@ -156,11 +153,6 @@ def new_id(stage: str) -> str:
     return f"{stamp}-{safe}-{os.getpid()}-{secrets.token_hex(4)}"
 
 
-def now_ms() -> int:
-    """Return milliseconds since 1970, MLflow's clock."""
-    return time.time_ns() // 1_000_000
-
-
 def content_md5(path: Path) -> str:
     """Return the md5 that ``dvc.lock`` would show: of a file, or ``<md5>.dir`` of a folder."""
     if path.is_dir():
@@ -195,7 +187,6 @@ def _digests(inputs: Sequence[Path]) -> dict[str, str]:
 
 
 def _warn(sentence: str) -> None:
-    """Say on stderr what the journal lost."""
     try:
         sys.stderr.write(f"pcrdiff journal: {sentence}\n")
     except OSError:

@@ -10,7 +10,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from pipeline.formats.yaml_files import read_yaml
+from pipeline.formats.yaml_files import flat, read_yaml
 from pipeline.settings.profiles import profile_values
 from pipeline.tracking.journal import ARTIFACTS
 from pipeline.tracking.records import Point, Record
@@ -70,7 +70,8 @@ class Store:
 
     def close_pipelines(self, sent: set[str], running: set[str], finished: str) -> None:
         """End the parents of what was sent, and those an earlier sync had to leave open."""
-        keys = {run.data.tags["pcrdiff.pipeline"] for run in self._open_parents()}
+        runs = self._runs(**{"pcrdiff.kind": "pipeline"})
+        keys = {run.data.tags["pcrdiff.pipeline"] for run in runs if run.info.status == "RUNNING"}
         for key in sorted((keys | sent) - running):
             for parent in self._parents(key)[:1]:
                 alive = is_running(parent.data.tags.get("pcrdiff.invocation", ""))
@@ -78,15 +79,10 @@ class Store:
                     self._close(parent)
 
     def _parent(self, record: Record) -> str:
-        """Return the run of the pipeline, which is looked for once and made if there is none."""
-        key = record.pipeline.key
-        if key not in self.parents:
-            self.parents[key] = self._make_parent(record)
-        return self.parents[key]
-
-    def _make_parent(self, record: Record) -> str:
-        """Find or make the run of the pipeline; if several hosts made one at once, the oldest."""
+        """Find, once, or make the run of the pipeline; if several hosts made one, the oldest."""
         pipeline = record.pipeline
+        if pipeline.key in self.parents:
+            return self.parents[pipeline.key]
         found = self._parents(pipeline.key)
         if not found:
             tags = {"pcrdiff.kind": "pipeline", **_pipeline_tags(pipeline)}
@@ -95,6 +91,7 @@ class Store:
         parent = str(run.info.run_id)
         if "profile" not in run.data.params and record.params_file.is_file():
             self._describe(parent, record.params_file)
+        self.parents[pipeline.key] = parent
         return parent
 
     def _describe(self, parent: str, params_file: Path) -> None:
@@ -122,10 +119,6 @@ class Store:
     def _parents(self, key: str) -> "list[Run]":
         return self._runs(**{"pcrdiff.pipeline": key, "pcrdiff.kind": "pipeline"})
 
-    def _open_parents(self) -> "list[Run]":
-        runs = self._runs(**{"pcrdiff.kind": "pipeline"})
-        return [run for run in runs if run.info.status == "RUNNING"]
-
     def _close(self, parent: "Run") -> None:
         """End a pipeline run as its stages ended; of a stage that ran twice, the later counts."""
         children = self._runs(**{"mlflow.parentRunId": parent.info.run_id})
@@ -143,8 +136,7 @@ class Store:
         self.client.set_experiment_tag(self.experiment, VIEW_TAG, view)
 
     def _fill(self, run_id: str, record: Record) -> None:
-        """Write everything a journal holds into its run."""
-        self._log(run_id, dict(_params(record.params)), record.points)
+        self._log(run_id, _params(record.params), record.points)
         datasets = [_dataset(path, md5) for path, md5 in sorted(record.inputs.items())]
         for batch in _batches(datasets, PARAMS_BATCH):
             self.client.log_inputs(run_id, batch)
@@ -190,7 +182,6 @@ def runs_page(client: "MlflowClient", experiment: str) -> str:
 
 
 def _tags(record: Record) -> dict[str, str]:
-    """Return the tags of a stage's run."""
     tags = {"pcrdiff.kind": "stage", "pcrdiff.journal": record.id, "dvc.stage": record.stage}
     tags |= _pipeline_tags(record.pipeline)
     tags |= _digests("input", record.inputs) | _digests("output", record.outputs)
@@ -226,23 +217,19 @@ def deviations(root: Path, params_file: Path) -> tuple[str, dict[str, str]]:
     try:
         values = dict(read_yaml(params_file))
         profile = str(values.get("profile", profile))
-        usual = dict(_params(profile_values(root, profile)))
+        usual = _params(profile_values(root, profile))
     except (OSError, TypeError, ValueError):
         return profile, {}
-    given = dict(_params(values))
+    given = _params(values)
     changed = [key for key in sorted({*usual, *given}) if usual.get(key) != given.get(key)]
     return profile, {key: given.get(key, "absent") for key in changed if key != "profile"}
 
 
-def _params(values: Mapping[str, object], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yield ``a.b.c``, text for nested params; lists and empty mappings as JSON."""
-    for name, value in values.items():
-        key = f"{prefix}{name}"
-        if isinstance(value, Mapping) and value:
-            yield from _params(value, f"{key}.")
-        else:
-            text = value if isinstance(value, str) else json.dumps(value, default=str)
-            yield _key(key), text[:LONGEST_VALUE]
+def _params(values: Mapping[str, object]) -> dict[str, str]:
+    """Return nested params as ``a.b.c`` -> text; what is no text as JSON."""
+    found = flat(values).items()
+    texts = [(key, v if isinstance(v, str) else json.dumps(v, default=str)) for key, v in found]
+    return {_key(key): text[:LONGEST_VALUE] for key, text in texts}
 
 
 def _dataset(path: str, md5: str) -> "DatasetInput":

@@ -5,11 +5,7 @@ import re
 import sqlite3
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
 from urllib.parse import unquote
-
-if TYPE_CHECKING:
-    from sqlalchemy import URL
 
 KEYWORDS = ("databricks", "databricks-uc", "uc")
 """What MLflow takes for a store by its name alone; any other bare word is a folder."""
@@ -29,7 +25,7 @@ def tracking_uri(root: Path) -> str:
     """
     uri = wanted_store()
     scheme = _scheme(uri)
-    if scheme.partition("+")[0] == "sqlite":
+    if _dialect(uri) == "sqlite":
         return _sqlite_uri(root, uri)
     if scheme == "file":
         path = uri.partition(":")[2]
@@ -55,7 +51,7 @@ def database_file(uri: str) -> Path | None:
     """Return the file of a SQLite store, as :func:`tracking_uri` names it; None for the others."""
     from sqlalchemy import make_url
 
-    if _scheme(uri).partition("+")[0] != "sqlite":
+    if _dialect(uri) != "sqlite":
         return None
     return Path(make_url(uri).database or "")
 
@@ -67,7 +63,7 @@ def artifacts_folder(uri: str, root: Path) -> str | None:
     which would take the current folder, and that of ``dvc exp run --temp`` is soon gone.
     """
     database = database_file(uri)
-    if not database and _scheme(uri).partition("+")[0] not in DATABASES:
+    if not database and _dialect(uri) not in DATABASES:
         return None
     return ((database.parent if database else root.resolve()) / "mlruns").as_uri()
 
@@ -90,8 +86,8 @@ def check_database(path: Path) -> None:
     for place in (above, path):
         if place.exists() and not os.access(place, os.W_OK):
             raise PermissionError(f"MLflow's database {path} needs {place} to be writable")
-    if path.exists():
-        _check_schema(path, _revision(path))
+    if path.exists() and (revision := _revision(path)):
+        _check_schema(path, revision)
 
 
 def _revision(path: Path) -> str | None:
@@ -103,9 +99,8 @@ def _revision(path: Path) -> str | None:
             (found,) = database.execute("PRAGMA quick_check(1)").fetchone()
             if found != "ok":
                 raise ValueError(f"MLflow's database {path} is damaged: {' '.join(found.split())}")
-            if not database.execute(
-                "SELECT 1 FROM sqlite_master WHERE name = 'alembic_version'"
-            ).fetchone():
+            tables = "SELECT 1 FROM sqlite_master WHERE name = 'alembic_version'"
+            if not database.execute(tables).fetchone():
                 return None
             row = database.execute("SELECT version_num FROM alembic_version").fetchone()
     except sqlite3.Error as error:
@@ -113,14 +108,12 @@ def _revision(path: Path) -> str | None:
     return str(row[0]) if row else None
 
 
-def _check_schema(path: Path, revision: str | None) -> None:
+def _check_schema(path: Path, revision: str) -> None:
     """Refuse a schema that is not among those the installed MLflow knows."""
     import mlflow
     from alembic.script import ScriptDirectory
     from alembic.util import CommandError
 
-    if revision is None:
-        return
     scripts = ScriptDirectory(str(Path(mlflow.__file__).parent / "store" / "db_migrations"))
     try:
         scripts.get_revision(revision)
@@ -141,11 +134,18 @@ def _scheme(uri: str) -> str:
     return found[1].lower() if found else ""
 
 
+def _dialect(uri: str) -> str:
+    return _scheme(uri).partition("+")[0]  # without the driver
+
+
 def _sqlite_uri(root: Path, uri: str) -> str:
     """Return the URI of a SQLite file with its path made absolute.
 
     ``:memory:``, no name at all, and SQLite's own URIs (``file:...``), which can name memory in
     many ways, are refused: what is written there is gone when the process ends.
+
+    MLflow makes the folder of whatever follows ``sqlite:///`` without unquoting it; naming the
+    driver keeps it from leaving a folder with a quoted name beside the real one.
     """
     from sqlalchemy import make_url
     from sqlalchemy.exc import ArgumentError
@@ -158,15 +158,7 @@ def _sqlite_uri(root: Path, uri: str) -> str:
     name = url.database or ":memory:"
     if name == ":memory:" or name.startswith("file:") or "uri" in url.query:
         raise ValueError(f"MLFLOW_TRACKING_URI={uri} may be a database in memory; {need}")
-    return _rendered(url.set(database=(root.resolve() / name).as_posix()))
-
-
-def _rendered(url: "URL") -> str:
-    """Return a SQLAlchemy URL as text.
-
-    MLflow makes the folder of whatever follows ``sqlite:///`` without unquoting it; naming the
-    driver keeps it from leaving a folder with a quoted name beside the real one.
-    """
+    url = url.set(database=(root.resolve() / name).as_posix())
     text = url.render_as_string(hide_password=False)
     if unquote(text) != text and url.drivername == "sqlite":
         return url.set(drivername="sqlite+pysqlite").render_as_string(hide_password=False)

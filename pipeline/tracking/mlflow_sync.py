@@ -3,6 +3,7 @@
 import logging
 import os
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,9 +78,9 @@ def sync(
     workspace = workspace or root
     problems = []
     try:
-        with _locked(root):
+        with _lock(root / ".pcrdiff" / "mlflow-sync.lock"):  # one at a time on one project
             try:
-                _add_restored(root, workspace, finished or _last_finished(root, workspace))
+                _add_restored(root, workspace, finished)
             except Exception as error:  # noqa: BLE001  tracking never makes a stage fail
                 problems.append(f"the restored stages were not added: {_first_line(error)}")
             report = _ship(root, finished.key if finished else "")
@@ -113,7 +114,8 @@ def open_store(root: Path) -> "tuple[MlflowClient, str]":
     logging.getLogger("mlflow").setLevel(logging.WARNING)
     logging.getLogger("alembic").setLevel(logging.WARNING)
     logging.getLogger(engines.__name__).setLevel(logging.CRITICAL)  # it raises what it logs
-    with _store_lock(root, uri):
+    path = database or root / "server"
+    with _lock(path.parent / ".pcrdiff" / f"{path.name}.lock"):  # projects may share a database
         client = MlflowClient(tracking_uri=uri, registry_uri=uri)
         experiment = client.get_experiment_by_name(EXPERIMENT)
         if experiment is None:
@@ -124,39 +126,28 @@ def open_store(root: Path) -> "tuple[MlflowClient, str]":
     return client, str(experiment.experiment_id)
 
 
-def _locked(root: Path) -> FileLock:
-    """One sync at a time on one project."""
-    folder = root / ".pcrdiff"
-    folder.mkdir(parents=True, exist_ok=True)
-    return FileLock(folder / "mlflow-sync.lock", timeout=LOCK_SECONDS)
+def _lock(path: Path) -> FileLock:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return FileLock(path, timeout=LOCK_SECONDS)
 
 
-def _store_lock(root: Path, uri: str) -> FileLock:
-    """One creator at a time of one SQLite file, also when several projects share it."""
-    path = database_file(uri) or root / "server"
-    folder = path.parent / ".pcrdiff"
-    folder.mkdir(parents=True, exist_ok=True)
-    return FileLock(folder / f"{path.name}.lock", timeout=LOCK_SECONDS)
+def _add_restored(root: Path, workspace: Path, finished: Pipeline | None) -> None:
+    """Write the journal of what DVC restored in the pipeline run that has finished, if one has."""
+    records = [r for r in (*shipped_records(root), *waiting_records(root)) if not r.restored]
+    pipeline = finished or _last_finished(records, workspace)
+    if pipeline:
+        ran = [record for record in records if record.pipeline.key == pipeline.key]
+        note_restored(root, workspace, pipeline, ran)
 
 
-def _last_finished(root: Path, workspace: Path) -> Pipeline | None:
+def _last_finished(records: Sequence[Record], workspace: Path) -> Pipeline | None:
     """Return the newest pipeline run of the workspace, unless it still runs."""
-    records = [*shipped_records(root), *waiting_records(root)]
-    here = [r for r in records if r.workspace == str(workspace.resolve()) and not r.restored]
+    here = [record for record in records if record.workspace == str(workspace.resolve())]
     if not here:
         return None
     newest = max(here, key=lambda record: record.start).pipeline
     alive = is_running(newest.invocation) or newest.key.startswith("manual@")
     return None if alive else newest
-
-
-def _add_restored(root: Path, workspace: Path, pipeline: Pipeline | None) -> None:
-    """Write the journal of what DVC restored in this pipeline run."""
-    if pipeline is None:
-        return
-    records = [*shipped_records(root), *waiting_records(root)]
-    ran = [r for r in records if r.pipeline.key == pipeline.key and not r.restored]
-    note_restored(root, workspace, pipeline, ran)
 
 
 def _ship(root: Path, finished: str) -> SyncReport:

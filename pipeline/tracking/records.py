@@ -1,7 +1,7 @@
 """Journals read back: one frozen record per stage run, whatever state its writer left it in."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -105,7 +105,7 @@ def read_record(folder: Path) -> Record | None:
     except FileNotFoundError:
         return None  # its writer has only just made the folder
     if not events or events[0]["event"] != "start":
-        if not events or _is_held(folder / LOCK):
+        if not events or is_held(folder / LOCK):
             return None
         raise ValueError("its first line, which says of what stage it is, was not written whole")
     try:
@@ -115,10 +115,9 @@ def read_record(folder: Path) -> Record | None:
 
 
 def _record(folder: Path, events: list[dict[str, Any]]) -> Record:
-    """Put the events of a journal together."""
     first = events[0]
     end = next((event for event in reversed(events) if event["event"] == "end"), None)
-    status = end["status"] if end else "RUNNING" if _is_held(folder / LOCK) else "KILLED"
+    status = end["status"] if end else "RUNNING" if is_held(folder / LOCK) else "KILLED"
     return Record(
         folder=folder,
         stage=first["stage"],
@@ -126,8 +125,13 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> Record:
         pipeline=Pipeline(**first["pipeline"]),
         params=first["params"],
         inputs=first["inputs"],
-        outputs=_merged(event["outputs"] for event in events if event["event"] == "outputs"),
-        points=tuple(point for event in events for point in _points(event)),
+        outputs=next((event["outputs"] for event in events if event["event"] == "outputs"), {}),
+        points=tuple(
+            Point(name, value, event["time"], event["step"] or 0)
+            for event in events
+            if event["event"] == "metrics"
+            for name, value in event["values"].items()
+        ),
         artifacts=tuple(event["path"] for event in events if event["event"] == "artifact"),
         start=int(first["time"]),
         end=int((end or events[-1])["time"]),
@@ -149,19 +153,10 @@ def _events(path: Path) -> Iterator[dict[str, Any]]:
             yield event
 
 
-def _points(event: Mapping[str, Any]) -> list[Point]:
-    if event["event"] != "metrics":
-        return []
-    step = event["step"] or 0
-    return [Point(name, value, event["time"], step) for name, value in event["values"].items()]
-
-
-def _merged(mappings: Iterable[Mapping[str, str]]) -> dict[str, str]:
-    return {key: value for mapping in mappings for key, value in mapping.items()}
-
-
-def _is_held(lock: Path) -> bool:
-    """Tell whether the writer is alive; the kernel frees its lock however it dies."""
+def is_held(lock: Path) -> bool:
+    """Tell whether the holder of a lock is alive; the kernel frees it however that dies."""
+    if not lock.exists():
+        return False
     try:
         with FileLock(lock, blocking=False):
             return False

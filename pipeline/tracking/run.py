@@ -4,7 +4,6 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -156,17 +155,6 @@ def _stat(pid: int) -> list[str]:
     return stat.rpartition(b")")[2].decode("ascii").split()
 
 
-def _ancestors() -> Iterator[int]:
-    """Yield parent, grandparent, ...; nothing where there is no ``/proc``."""
-    pid = os.getppid()
-    while pid > 1:
-        yield pid
-        try:
-            pid = int(_stat(pid)[1])
-        except (OSError, IndexError):
-            return
-
-
 def descendants(pid: int) -> list[int]:
     """Return what a process has started, and what those have; nothing where there is no ``/proc``."""
     parents = {}
@@ -181,8 +169,12 @@ def descendants(pid: int) -> list[int]:
 
 def _dvc_above() -> str:
     """Identify the topmost ``dvc`` command above this process; empty if there is none."""
-    above = [pid for pid in _ancestors() if is_dvc(pid)]
-    return process_identity(above[-1]) if above else ""
+    pid, topmost = os.getppid(), 0
+    with suppress(OSError, IndexError):  # no `/proc`, or gone
+        while pid > 1:
+            topmost = pid if is_dvc(pid) else topmost
+            pid = int(_stat(pid)[1])
+    return process_identity(topmost) if topmost else ""
 
 
 def is_dvc(pid: int) -> bool:

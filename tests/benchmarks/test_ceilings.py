@@ -9,7 +9,7 @@ from benchmarks.measuring import Summary
 
 
 def test_a_share_is_what_was_reached_of_the_machines_rate() -> None:
-    work = Work("a loop", "loop", lambda: None, flop=4e9, traffic=1e9)
+    work = Work("a loop", lambda: None, flop=4e9, traffic=1e9)
     found = row(work, Summary(0.5, 0.1, 7), gemm=80e9, copy=8e9, environment="here")
     assert (found.gflop_per_s, found.gbyte_per_s) == (8.0, 2.0)
     assert (found.gflop_share, found.gbyte_share) == (0.1, 0.25)

@@ -14,10 +14,10 @@ def test_the_target_is_the_source_moved() -> None:
 
 
 def test_a_row_is_a_registration_in_a_process_of_its_own() -> None:
-    (row,) = measure_memory(points=(40,))
+    (row,) = measure_memory("pcrdiffusion_cb", (40,), "")
     assert row.points == 40
     assert row.seconds > 0
     assert row.peak_mib > 100  # torch alone
     ballast = torch.ones(150_000_000)  # of this process; how much of a library is resident varies
-    (beside,) = measure_memory(points=(40,))
+    (beside,) = measure_memory("pcrdiffusion_cb", (40,), "")
     assert beside.peak_mib < row.peak_mib + 400 < row.peak_mib + len(ballast) * 4 / 2**20

@@ -66,9 +66,9 @@ def test_the_stages_asked_for_are_those_of_dvc_yaml(capsys: pytest.CaptureFixtur
     )
 
 
-def faked(params: Params, effort: Effort, environment: str) -> Benchmarks:
+def faked(part: str, _params: Params, effort: Effort, environment: str) -> Benchmarks:
     """Measures nothing."""
-    del params
+    assert part == "memory"
     ratio = compare(Comparison("x", [1.0], [2.0], "s", higher_is_better=False), environment)
     memory = PeakMemory(CB, effort.points, 9.0, 0.5, environment)
     return Benchmarks(ratios=[ratio], memory=[memory])
@@ -85,7 +85,8 @@ def test_only_a_whole_run_is_written(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(running, "MEASURED", {"memory": faked})
+    monkeypatch.setattr(running, "PARTS", ["memory"])
+    monkeypatch.setattr(running, "measure_part", faked)
     main(argv)
     assert "2.00 x" in capsys.readouterr().out
     assert (blank / "benchmarks" / "speed.csv").exists() is written

@@ -11,7 +11,7 @@ from pipeline.answering import answer_settings
 from pipeline.formats.pairs import read_pairs
 from pipeline.loading import load_settings
 from pipeline.settings.params import read_params
-from stages.ablate import ABLATIONS, Given, ablate_steps
+from stages.ablate import ABLATIONS, Given
 from stages.ablate_noise import add_noise
 from tests.described import expand, read_repository_params
 from tests.tiny import CB, CF, PAIRS, SCENARIO, tiny_params, weights
@@ -57,7 +57,7 @@ def test_each_method_answers_all_pairs_under_each_value(project: Path, name: str
 
 
 def test_more_steps_another_sampler_and_another_draw_give_another_answer(project: Path) -> None:
-    _, answers = ablate_steps(given(project))
+    _, answers = ABLATIONS["steps"](given(project))
     poses = {setting: found.T_target_source for setting, found in answers[CF].items()}
     first = poses["steps=2,sampler=ddpm"]
     for other in ("steps=1,sampler=ddpm", "steps=2,sampler=ddim", "steps=2,sampler=ddpm,draw=1"):
@@ -66,7 +66,7 @@ def test_more_steps_another_sampler_and_another_draw_give_another_answer(project
 
 def test_the_walk_of_the_evaluation_gives_the_evaluation_s_answers(project: Path) -> None:
     params = read_params()
-    _, answers = ablate_steps(given(project))
+    _, answers = ABLATIONS["steps"](given(project))
     walk = answers[CF][f"steps={params.diffusion.steps},sampler={params.diffusion.sampler}"]
     assert torch.equal(walk.T_target_source, evaluated(CF))
 

@@ -1,5 +1,6 @@
 """A training is what params.yaml says, and nothing else of it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ from pipeline.tracking.journal import Journal
 from stages.train import CODE, Trained, Training, fresh_poses, train_method, training_params
 from tests.described import read_templates
 from tests.tiny import CB, CF, PAIRS, SCENARIO
+
+UNSEEN_CF = Training(SCENARIO, CF, PAIRS, Path("nowhere"))
 
 
 class Forgetful:
@@ -104,7 +107,7 @@ def test_auto_is_told_as_what_it_comes_to(processor: str) -> None:
     """So a checkpoint is not gone on with on another processor, and processes have to agree."""
     params = read_params().model_copy(update={"search_precision": "auto"})
     wanted = "bfloat16" if processor == "with bfloat16" else "float32"
-    assert training_params(params, SCENARIO, CF)["search_precision"] == wanted
+    assert training_params(params, UNSEEN_CF)["search_precision"] == wanted
 
 
 @pytest.mark.usefixtures("project")
@@ -118,7 +121,7 @@ def test_the_facts_tell_the_precision_of_the_search(precision: SearchPrecision) 
 def test_a_checkpoint_is_told_every_param_that_dvc_watches() -> None:
     """Or a training would go on from the checkpoint of another one."""
     params = read_params()
-    told = training_params(params, SCENARIO, CF)
+    told = training_params(params, UNSEEN_CF)
     wider = params.methods.pcrdiffusion_cf.network.model_copy(update={"feature_dim": 32})
     others = {
         "seed": params.model_copy(update={"seed": 8}),
@@ -141,7 +144,7 @@ def test_a_checkpoint_is_told_every_param_that_dvc_watches() -> None:
         ),
     }
     assert others.keys() == set(read_templates()["train"]["params"])
-    unseen = [key for key, other in others.items() if training_params(other, SCENARIO, CF) == told]
+    unseen = [key for key, other in others.items() if training_params(other, UNSEEN_CF) == told]
     assert unseen == []
 
 
@@ -165,9 +168,7 @@ def test_the_journal_gets_the_curve(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("project")
 def test_refuses_a_missing_pair_file() -> None:
     with pytest.raises(FileNotFoundError, match=r"gone\.h5, there is none: run preprocess"):
-        train_method(
-            read_params(), Training(SCENARIO, CF, Path("gone.h5"), Path("nowhere")), Forgetful()
-        )
+        train_method(read_params(), replace(UNSEEN_CF, pairs=Path("gone.h5")), Forgetful())
 
 
 @pytest.mark.usefixtures("project")
@@ -179,7 +180,7 @@ def test_a_variant_has_the_ablations_budget_and_says_what_it_varies() -> None:
     assert trained.weights["space.mean"].shape == (6,)
     assert (trained.weights["space.deviation"] != 1).all()
     assert "settings" not in train(read_params()).facts
-    told = training_params(read_params(), SCENARIO, CF, variant)
+    told = training_params(read_params(), replace(UNSEEN_CF, variant=variant))
     assert told["network"]["representation"] == "twist"
     assert told["epochs"] == 2
 

@@ -6,7 +6,7 @@ import pytest
 from dvc.utils.hydra import apply_overrides
 from dvc.utils.serialize import load_yaml
 
-from pipeline.formats.yaml_files import read_mapping, read_yaml
+from pipeline.formats.yaml_files import flat, read_mapping, read_yaml
 from pipeline.settings.params import read_params
 from pipeline.settings.profiles import changed_values
 from pipeline.tracking.restored import read_lock
@@ -82,6 +82,11 @@ def test_a_profile_differs_where_dvc_sees_it_differ(tmp_path: Path) -> None:
     new = read_yaml(written(tmp_path, "a: 012\nb: 0.00001\nc: 'yes'\n"))
     old = read_yaml(written(tmp_path, "a: 10\nb: 1e-5\nc: yes\n"))
     assert changed_values(old, new) == ["a: 10 -> 12"]
+
+
+def test_nested_mappings_are_flattened_and_lists_and_empty_ones_stay_whole() -> None:
+    values = {"a": {"b": {"c": 1}, "d": [2, {"e": 3}]}, "f": {}, "g": None}
+    assert flat(values) == {"a.b.c": 1, "a.d": [2, {"e": 3}], "f": {}, "g": None}
 
 
 def test_a_mapping_is_read_and_what_is_none_is_refused_by_its_file(tmp_path: Path) -> None:

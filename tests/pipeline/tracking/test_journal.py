@@ -52,7 +52,7 @@ def test_a_journal_holds_what_the_stage_noted(project: Path) -> None:
     before = time.time_ns() // 1_000_000
     with journal(params={"train": {"epochs": 2}}, inputs=[Path("in.txt")]) as notes:
         for step in range(2):
-            notes.metric("loss", 1.0 / (step + 1), step)
+            notes.metrics({"loss": 1.0 / (step + 1)}, step)
         notes.metrics({"best": 0.5, "epochs": 2})
         notes.artifact(Path("plots/curve.csv"))
     record = only_record(project)
@@ -109,7 +109,7 @@ def test_a_stage_that_runs_is_told_from_one_that_was_killed(project: Path) -> No
         "import sys, time\n"
         "from pipeline.tracking.journal import journal\n"
         "with journal(params={'a': 1}) as notes:\n"
-        "    notes.metric('loss', 0.25, 7)\n"
+        "    notes.metrics({'loss': 0.25}, 7)\n"
         "    print('noted', flush=True)\n"
         "    time.sleep(60)\n"
     )
@@ -130,7 +130,7 @@ def test_a_stage_that_runs_is_told_from_one_that_was_killed(project: Path) -> No
 
 def test_a_torn_last_line_is_ignored() -> None:
     with journal(params={}) as notes:
-        notes.metric("loss", 1.0)
+        notes.metrics({"loss": 1.0})
     with (notes.folder / "journal.jsonl").open("a") as file:
         file.write('{"event": "metr')
     record = read_record(notes.folder)
@@ -161,7 +161,7 @@ def test_a_folder_that_cannot_be_written_costs_a_warning_only(
 ) -> None:
     (project / ".pcrdiff").write_text("a file where a folder is needed")
     with journal(params={}) as notes:
-        notes.metric("loss", 1.0)
+        notes.metrics({"loss": 1.0})
         notes.artifact(Path(__file__))
     assert "pcrdiff journal: nothing of this stage will reach MLflow" in capsys.readouterr().err
 
@@ -172,7 +172,7 @@ def test_a_full_disk_costs_a_warning_only(
 ) -> None:
     with Path("/dev/full").open("a") as full, journal(params={}) as notes:
         monkeypatch.setattr(notes, "_file", full)
-        notes.metric("loss", 1.0)
+        notes.metrics({"loss": 1.0})
     assert "No space left on device" in capsys.readouterr().err
 
 
@@ -180,7 +180,7 @@ def test_values_that_are_no_numbers_and_missing_files_cost_a_warning_only(
     project: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with journal(params={}, inputs=[Path("gone.h5")]) as notes:
-        notes.metric("loss", "high")  # type: ignore[arg-type]
+        notes.metrics({"loss": "high"})  # type: ignore[dict-item]
         notes.artifact(Path("gone.png"))
     warnings = capsys.readouterr().err
     assert all(word in warnings for word in ("gone.h5", "['loss']", "gone.png"))

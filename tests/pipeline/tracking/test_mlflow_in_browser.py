@@ -44,7 +44,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             patch.setenv("DVC_STAGE", stage)
             with journal(params={"seed": 7}) as notes:
                 for step in range(3):
-                    notes.metric(metric, value + 2 - step, step)
+                    notes.metrics({metric: value + 2 - step}, step)
         assert sync(root).shipped == len(STAGES)
         yield root
 

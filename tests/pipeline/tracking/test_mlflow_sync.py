@@ -70,7 +70,7 @@ def run_stage(
     try:
         with journal(params=params, inputs=[Path("in.txt")]) as notes:
             for step in range(3):
-                notes.metric("loss", 3.0 - step, step)
+                notes.metrics({"loss": 3.0 - step}, step)
             notes.artifact(Path("plots/curve.png"))
             if error:
                 raise error
@@ -607,11 +607,11 @@ def test_names_mlflow_refuses_and_long_curves_arrive(
     monkeypatch.setenv("DVC_STAGE", "train@toy")
     params = {f"p{i}": "x" * 9000 for i in range(150)}
     with journal(params=params) as notes:
-        notes.metric("recall@5 (%)", 1.0)
-        notes.metric("nan", float("nan"))
+        notes.metrics({"recall@5 (%)": 1.0})
+        notes.metrics({"nan": float("nan")})
         notes.metrics({"a//b": 1.0, "../c": 2.0, "..": 2.0, "/d": 3.0, "": 4.0})
         for step in range(1500):
-            notes.metric("loss", step, step)
+            notes.metrics({"loss": step}, step)
     assert sync(project).problems == ()
     client, _ = open_store(project)
     (run,) = runs(project, "stage")

@@ -26,7 +26,7 @@ name, source, out = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
 with journal(params={name: params[name]}, inputs=[source]) as notes:
     out.parent.mkdir(exist_ok=True)
     out.write_text(json.dumps({"value": params[name]}))
-    notes.metric("value", params[name])
+    notes.metrics({"value": params[name]})
 if name == "report":
     from pipeline.tracking.mlflow_sync import sync_after_report
     print(sync_after_report().sentence(), file=sys.stderr)
