@@ -4,7 +4,7 @@ The rule of the verdicts is ``verdicts.RULE``; it is printed above the findings.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import pandas as pd
@@ -12,6 +12,7 @@ import pandas as pd
 from pipeline.reporting.numbers import IMPROVEMENT, SPREAD
 from pipeline.reporting.paper import (
     ABLATIONS,
+    CONCAT,
     PRINTED,
     RIVALS,
     SCENARIOS,
@@ -27,13 +28,15 @@ from pipeline.reporting.verdicts import (
     NO_DIFFERENCE_DEG,
     Number,
     Numbers,
+    Rule,
     Verdict,
     above,
     below,
+    less,
     listed,
+    more,
     said,
     say,
-    weigh,
     weigh_same,
     weigh_some,
 )
@@ -42,6 +45,7 @@ CF, CB = "pcrdiffusion_cf", "pcrdiffusion_cb"
 FAMILY = {CF: "correspondence-free", CB: "correspondence-based"}
 HALF_PERCENT = 50.0
 ONE_STEP, SIXTEEN_STEPS = "steps=1,sampler=ddpm", "steps=16,sampler=ddpm"
+QUATERNION, EULER = (f"representation={name},scaling=raw" for name in ("quaternion", "euler"))
 SPEEDS = {
     CF: "Table 6: below 1e-10 s, less than one operation of a processor takes",
     CB: "Table 6: 0.0986 s; but it prints 0.0042 s for ICP and 0.0916 s for FGR",
@@ -78,10 +82,7 @@ def make_findings(numbers: pd.DataFrame) -> list[Finding]:
         *(_order(found, name, CF, RIVALS[CF], f"{FAMILY[CF]} ") for name in tried[CF]),
         *(_improves_by_half(found, method) for method in (CF, CB)),
         _full_overlap(found),
-        *(_diffusion(found, method) for method in (CF, CB)),
-        _euler(found),
-        _concat(found),
-        _fused_with_target(found),
+        *_ablations(found),
         *_steps(found),
         _start(found),
         *(_fastest(found, method) for method in (CF, CB)),
@@ -115,7 +116,7 @@ def _order(
             f" {_theirs(scenario, best)}° (Table {place(scenario).table})."
         ),
         ours=(*_told(numbers, scenario, method, contrasts), *beyond),
-        verdict=weigh(contrasts, below, above),
+        verdict=less(contrasts),
     )
 
 
@@ -211,138 +212,123 @@ def _full_overlap(numbers: Numbers) -> Finding:
             " 1c and 2); the paper's ICP does not start from the centroids."
         ),
         ours=tuple(sentences),
-        verdict=weigh(contrasts, below, above),
+        verdict=less(contrasts),
     )
+
+
+def _ablations(numbers: Numbers) -> list[Finding]:
+    return [
+        *(
+            _two_settings(
+                numbers, method, ("diffusion=with", "diffusion=without"),
+                f"Gain by diffusion: {shown(method).name[-2:]}",
+                f"Without diffusion the error of {shown(method).name} rises from {{mine}}° to"
+                " {base}° (Table 3).",
+                less,
+            )
+            for method in (CF, CB)
+        ),
+        _two_settings(
+            numbers, CB, (EULER, QUATERNION), "Representation",
+            "Diffusing a quaternion and a translation is better than Euler angles and a"
+            " translation: {base}° against {mine}° (Table 4).",
+            more,
+        ),
+        _concat(numbers),
+        _two_settings(
+            numbers, CF, ("fusion=target", "fusion=source"), "Fusion: source or target",
+            "Whether the noisy pose is fused with the source or the target makes no significant"
+            " difference: {base}° and {mine}° (Table 5).",
+            weigh_same,
+        ),
+    ]  # fmt: skip
 
 
 def _two_settings(
-    numbers: Numbers, ablation: str, method: str, mine: str, base: str
-) -> tuple[Number | None, tuple[str, ...], bool]:
-    """Give the contrast of two settings, the sentences that say it, and whether either learnt.
+    numbers: Numbers, method: str, settings: tuple[str, str], topic: str, claim: str, rule: Rule
+) -> Finding:
+    """Weigh a setting against a base; if both learnt nothing, nothing could differ.
 
-    What does not beat the mean training pose has learnt nothing that could differ.
+    Args:
+        numbers: All of them.
+        method: The method that was run with both settings.
+        settings: The setting, and the base of its ablation.
+        topic: Of the finding.
+        claim: With places for the paper's errors, ``{mine}`` and ``{base}``.
+        rule: What the difference must be.
     """
+    (mine, base), ablation = settings, settings[0].partition("=")[0]
     contrast = numbers.ablated(ablation, method, mine, base)
-    ours = {setting: numbers.ablated(ablation, method, setting) for setting in (mine, base)}
+    ours = [row for name in settings if (row := numbers.ablated(ablation, method, name))]
     constant = numbers.main(UNSEEN_OBJECTS, "constant")
-    learnt = not constant or any(row and below(row, constant.value) for row in ours.values())
+    learnt = not constant or any(below(row, constant.value) for row in ours)
     told = [f"{mine} minus {base}: {said(contrast)}."] if contrast else []
-    told += [f"{setting}: {said(row)}." for setting, row in ours.items() if row]
+    told += [f"{row.setting}: {said(row)}." for row in ours]
     if constant and not learnt:
         told.append(f"Neither is below the constant pose, {said(constant)}.")
-    return contrast, tuple(told), learnt
+    if mine == EULER:
+        told += [f"{row.setting} minus {base}: {said(row)}." for row in _others(numbers)]
+    table, verdict = ABLATIONS[ablation].table, rule([contrast])
+    theirs = [printed(table, UNSEEN_OBJECTS, method, name) for name in settings]
+    undecided = not learnt and verdict != "not run"
+    claim = claim.format(mine=theirs[0], base=theirs[1])
+    return Finding(topic, claim, tuple(told), "undecided" if undecided else verdict)
 
 
-def _weighed(verdict: Verdict, learnt: bool) -> Verdict:
-    """Withhold a verdict on two settings of which neither has learnt anything."""
-    return verdict if learnt or verdict == "not run" else "undecided"
-
-
-def _printed(ablation: str, method: str, setting: str) -> float | None:
-    return printed(ABLATIONS[ablation].table, UNSEEN_OBJECTS, method, setting)
-
-
-def _diffusion(numbers: Numbers, method: str) -> Finding:
-    with_it, without = "diffusion=with", "diffusion=without"
-    contrast, told, learnt = _two_settings(numbers, "diffusion", method, with_it, without)
-    theirs = [_printed("diffusion", method, setting) for setting in (with_it, without)]
-    return Finding(
-        topic=f"Gain by diffusion: {shown(method).name[-2:]}",
-        claim=(
-            f"Without diffusion the error of {shown(method).name} rises from {theirs[0]}° to"
-            f" {theirs[1]}° (Table 3)."
-        ),
-        ours=told,
-        verdict=_weighed(weigh([contrast], below, above), learnt),
-    )
-
-
-def _euler(numbers: Numbers) -> Finding:
-    base, euler = (f"representation={name},scaling=raw" for name in ("quaternion", "euler"))
-    contrast, told, learnt = _two_settings(numbers, "representation", CB, euler, base)
-    theirs = [_printed("representation", CB, setting) for setting in (base, euler)]
-    others = [
-        f"{setting} minus {base}: {said(row)}."
+def _others(numbers: Numbers) -> list[Number]:
+    """Give the contrasts of the representations that the paper does not try."""
+    contrasts = (
+        numbers.ablated("representation", CB, setting, QUATERNION)
         for setting in numbers.settings("representation", CB)
-        if setting != euler and (row := numbers.ablated("representation", CB, setting, base))
-    ]
-    return Finding(
-        topic="Representation",
-        claim=(
-            "Diffusing a quaternion and a translation is better than Euler angles and a"
-            f" translation: {theirs[0]}° against {theirs[1]}° (Table 4)."
-        ),
-        ours=(*told, *others),
-        verdict=_weighed(weigh([contrast], above, below), learnt),
+        if setting != EULER
     )
+    return [row for row in contrasts if row]
 
 
 def _concat(numbers: Numbers) -> Finding:
-    contrast = numbers.ablated("fusion", CF, "fusion=concat", ("constant", "paper"))
-    _, told, _ = _two_settings(numbers, "fusion", CF, "fusion=concat", "fusion=source")
-    against = [f"fusion=concat minus the constant pose: {said(contrast)}."] if contrast else []
-    return Finding(
-        topic="Fusion: concatenation",
-        claim=(
-            "Concatenating the features of the noisy pose and of both clouds does not converge"
-            " (Table 5, no numbers). We read: it does not beat the mean training pose."
-        ),
-        ours=(*against, *told),
-        verdict=weigh([contrast], above, below),
-    )
-
-
-def _fused_with_target(numbers: Numbers) -> Finding:
-    source, target = "fusion=source", "fusion=target"
-    contrast, told, learnt = _two_settings(numbers, "fusion", CF, target, source)
-    theirs = [_printed("fusion", CF, setting) for setting in (source, target)]
-    return Finding(
-        topic="Fusion: source or target",
-        claim=(
-            "Whether the noisy pose is fused with the source or the target makes no significant"
-            f" difference: {theirs[0]}° and {theirs[1]}° (Table 5)."
-        ),
-        ours=told,
-        verdict=_weighed(weigh_same([contrast]), learnt),
-    )
+    found = _two_settings(
+        numbers, CF, (CONCAT, "fusion=source"), "Fusion: concatenation",
+        "Concatenating the features of the noisy pose and of both clouds does not converge"
+        " (Table 5, no numbers). We read: it does not beat the mean training pose.",
+        more,
+    )  # fmt: skip
+    contrast = numbers.ablated("fusion", CF, CONCAT, ("constant", "paper"))
+    against = [f"{CONCAT} minus the constant pose: {said(contrast)}."] if contrast else []
+    return replace(found, ours=(*against, *found.ours), verdict=more([contrast]))
 
 
 def _steps(numbers: Numbers) -> list[Finding]:
-    more = [name for name in numbers.settings("steps", CF) if "ddpm" in name]
-    found = [row for name in more if (row := numbers.ablated("steps", CF, name, ONE_STEP))]
+    several = [name for name in numbers.settings("steps", CF) if "ddpm" in name]
+    found = [row for name in several if (row := numbers.ablated("steps", CF, name, ONE_STEP))]
     told = tuple(f"{row.setting} minus {ONE_STEP}: {said(row)}." for row in found)
-    one, two = (_printed("steps", CF, f"steps={n},sampler=ddpm") for n in (1, 2))
-    weighed: list[tuple[str, str, Verdict]] = [
-        (
-            "one is best",
-            f"“PCRDiffusion yields optimal outcomes within a single step”; its Table 7 has {one}°"
-            f" at one step and {two}° at two, four and eight. We read: more steps err more.",
-            weigh(found, above, below),
-        ),
-        (
-            "convergence",
-            f"With more steps the error converges at once: {two}° from two steps on, against"
-            f" {one}° at one (Table 7). We read: the number of steps makes no difference.",
-            weigh_same(found),
-        ),
-        (
-            "more for accuracy",
-            "“We can adjust the number of denoising sampling steps to improve the registration"
-            " accuracy.” We read: some number of steps above one errs less than one.",
-            weigh_some(found, below, above),
-        ),
+    at, table = "steps={},sampler=ddpm", ABLATIONS["steps"].table
+    one, two = (printed(table, UNSEEN_OBJECTS, CF, at.format(steps)) for steps in (1, 2))
+    best = (
+        f"“PCRDiffusion yields optimal outcomes within a single step”; its Table 7 has {one}°"
+        f" at one step and {two}° at two, four and eight. We read: more steps err more."
+    )
+    convergence = (
+        f"With more steps the error converges at once: {two}° from two steps on, against"
+        f" {one}° at one (Table 7). We read: the number of steps makes no difference."
+    )
+    accuracy = (
+        "“We can adjust the number of denoising sampling steps to improve the registration"
+        " accuracy.” We read: some number of steps above one errs less than one."
+    )
+    return [
+        Finding("Steps: one is best", best, told, more(found)),
+        Finding("Steps: convergence", convergence, told, weigh_same(found)),
+        Finding("Steps: more for accuracy", accuracy, told, weigh_some(found, below, above)),
     ]
-    return [Finding(f"Steps: {topic}", claim, told, verdict) for topic, claim, verdict in weighed]
 
 
 def _start(numbers: Numbers) -> Finding:
     """Weigh whether the answer depends on the random pose that the walk starts from."""
-    table = ABLATIONS["steps"].table
     spreads = [
         row
         for method in (CF, CB)
         for setting in (ONE_STEP, SIXTEEN_STEPS)
-        if (row := numbers.at(table, UNSEEN_OBJECTS, method, setting, SPREAD))
+        if (row := numbers.ablated("steps", method, setting, metric=SPREAD))
     ]
     return Finding(
         topic="Steps: what the random start carries",
@@ -357,11 +343,7 @@ def _start(numbers: Numbers) -> Finding:
             f" draws is {said(row)}."
             for row in spreads
         ),
-        verdict=weigh(
-            spreads,
-            partial(above, bound=NO_DIFFERENCE_DEG),
-            partial(below, bound=NO_DIFFERENCE_DEG),
-        ),
+        verdict=more(spreads, NO_DIFFERENCE_DEG),
     )
 
 
@@ -385,7 +367,7 @@ def _fastest(numbers: Numbers, method: str) -> Finding:
             *([f"Ours: {say(mine)} a pair."] if mine else []),
             *([f"Its time minus theirs: {listed(found)}."] if found else []),
         ),
-        verdict=weigh(contrasts, below, above),
+        verdict=less(contrasts),
     )
 
 
@@ -410,5 +392,5 @@ def _noise(numbers: Numbers) -> Finding:
             " read: at every deviation tried, trained with 0.01, it errs least of those tried."
         ),
         ours=tuple(sentences),
-        verdict=weigh([row for rows in contrasts.values() for row in rows], below, above),
+        verdict=less([row for rows in contrasts.values() for row in rows]),
     )

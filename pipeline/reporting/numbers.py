@@ -133,15 +133,8 @@ def _measure(pairs: pd.DataFrame, metrics: Sequence[str], seed: int, place: Row)
         values, statistic = pairs[metric].to_numpy(), statistic_of(metric)
         low, high = bootstrap_interval(values, statistic, resamples)
         value = float(statistic(values))
-        yield {
-            **LINE,
-            **place,
-            "metric": metric,
-            "value": value,
-            "low": low,
-            "high": high,
-            **counts,
-        }
+        found: Row = {"metric": metric, "value": value, "low": low, "high": high}
+        yield LINE | place | found | counts
 
 
 def _lines(answers: pd.DataFrame, seed: int) -> Iterator[Row]:
@@ -214,8 +207,8 @@ def _improvement(both: pd.DataFrame, seed: int, place: Row) -> Iterator[Row]:
     if np.isfinite([value, *drawn]).all():
         low, high = np.percentile(drawn, [2.5, 97.5])
         counts = {"pairs": len(both), "failures": int(both["failed"].sum())}
-        yield {**LINE, **place, "metric": IMPROVEMENT, "value": value, "low": low, "high": high,
-               **counts}  # fmt: skip
+        found: Row = {"metric": IMPROVEMENT, "value": value, "low": low, "high": high}
+        yield LINE | place | found | counts
 
 
 def _with_paper(numbers: pd.DataFrame) -> pd.DataFrame:

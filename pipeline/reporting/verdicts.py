@@ -1,6 +1,7 @@
 """How a claim is weighed: the rule of the verdicts, and numbers as sentences give them."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Literal, NamedTuple
 
 import pandas as pd
@@ -86,12 +87,13 @@ class Numbers:
         return self.at(place(scenario).table, scenario, mine, one.setting, metric, against)
 
     def ablated(
-        self, ablation: str, method: str, setting: str, base: str | Base = ("", "")
-    ) -> Number | None:
-        """Give ERROR(R) of a setting of an ablation, or its contrast with a base."""
+        self, ablation: str, method: str, setting: str, base: str | Base = ("", ""),
+        metric: str = "error_r_deg",
+    ) -> Number | None:  # fmt: skip
+        """Give a number of a setting of an ablation, or its contrast with a base."""
         against = (method, base) if isinstance(base, str) else base
         table = ABLATIONS[ablation].table
-        return self.at(table, UNSEEN_OBJECTS, method, setting, "error_r_deg", against)
+        return self.at(table, UNSEEN_OBJECTS, method, setting, metric, against)
 
     def at(
         self, table: str, scenario: str, method: str, setting: str, metric: str = "error_r_deg",
@@ -136,11 +138,22 @@ def weigh(rows: Sequence[Number | None], claimed: Test, refuted: Test) -> Verdic
 
 def weigh_some(rows: Sequence[Number], claimed: Test, refuted: Test) -> Verdict:
     """Weigh a claim that holds if one of some comparisons is on its side."""
-    if not rows:
-        return "not run"
-    if any(map(claimed, rows)):
-        return "confirmed"
-    return "not confirmed" if all(map(refuted, rows)) else "undecided"
+    opposite: dict[Verdict, Verdict] = {"confirmed": "not confirmed", "not confirmed": "confirmed"}
+    nowhere = weigh(rows, refuted, claimed)
+    return opposite.get(nowhere, nowhere)
+
+
+Rule = Callable[[Sequence[Number | None]], Verdict]
+
+
+def less(rows: Sequence[Number | None]) -> Verdict:
+    """Weigh the claim that all are below zero: one errs less than the others."""
+    return weigh(rows, below, above)
+
+
+def more(rows: Sequence[Number | None], bound: float = 0.0) -> Verdict:
+    """Weigh the claim that all are above a bound."""
+    return weigh(rows, partial(above, bound=bound), partial(below, bound=bound))
 
 
 def weigh_same(rows: Sequence[Number | None]) -> Verdict:
