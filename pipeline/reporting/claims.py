@@ -5,7 +5,6 @@ The rule of the verdicts is ``verdicts.RULE``; it is printed above the findings.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import pandas as pd
 
@@ -45,7 +44,6 @@ CF, CB = "pcrdiffusion_cf", "pcrdiffusion_cb"
 FAMILY = {CF: "correspondence-free", CB: "correspondence-based"}
 HALF_PERCENT = 50.0
 ONE_STEP, SIXTEEN_STEPS = "steps=1,sampler=ddpm", "steps=16,sampler=ddpm"
-QUATERNION, EULER = (f"representation={name},scaling=raw" for name in ("quaternion", "euler"))
 SPEEDS = {
     CF: "Table 6: below 1e-10 s, less than one operation of a processor takes",
     CB: "Table 6: 0.0986 s; but it prints 0.0042 s for ICP and 0.0916 s for FGR",
@@ -107,7 +105,7 @@ def _order(
     """Weigh that a method errs least of all, or of its family (a word and a space)."""
     best = min(others, key=lambda name: _theirs(scenario, name))
     contrasts = [numbers.versus(scenario, method, other) for other in others]
-    beyond = () if family else _beyond(numbers, scenario, others)
+    beyond = [] if family else _beyond(numbers, scenario, others)
     return Finding(
         topic=f"Order of {family}methods: {place(scenario).title}",
         claim=(
@@ -122,31 +120,28 @@ def _order(
 
 def _told(
     numbers: Numbers, scenario: str, method: str, contrasts: Sequence[Number | None]
-) -> tuple[str, ...]:
+) -> list[str]:
     """Say how far ahead or behind a method is: a sentence for each side."""
-    mine = numbers.main(scenario, method)
+    mine, count = numbers.main(scenario, method), len(contrasts)
     if mine is None:
-        return ()
+        return []
     found = [row for row in contrasts if row is not None]
-    missing = len(contrasts) - len(found)
     sides = {
         "ahead of": [row for row in found if below(row)],
         "behind": [row for row in found if above(row)],
         "not told apart from": [row for row in found if not (below(row) or above(row))],
     }
-    return (
-        f"Ours: {say(mine)}.",
-        *(
-            f"It is {side} {len(rows)} of {len(contrasts)} (its error minus theirs):"
-            f" {listed(rows)}."
-            for side, rows in sides.items()
-            if rows
-        ),
-        *([f"Of {len(contrasts)} comparisons {missing} were not run."] if missing else []),
-    )
+    told = [
+        f"It is {side} {len(rows)} of {count} (its error minus theirs): {listed(rows)}."
+        for side, rows in sides.items()
+        if rows
+    ]
+    if len(found) < count:
+        told.append(f"Of {count} comparisons {count - len(found)} were not run.")
+    return [f"Ours: {say(mine)}.", *told]
 
 
-def _beyond(numbers: Numbers, scenario: str, compared: Sequence[str]) -> tuple[str, ...]:
+def _beyond(numbers: Numbers, scenario: str, compared: Sequence[str]) -> list[str]:
     """Say how CB stands against what the paper leaves out, and against the authors' settings."""
     left_out = [
         row
@@ -154,14 +149,17 @@ def _beyond(numbers: Numbers, scenario: str, compared: Sequence[str]) -> tuple[s
         if method not in (*compared, CB, CF) and (row := numbers.versus(scenario, CB, method))
     ]
     ahead = [row for row in left_out if above(row)]
-    told = f"Of {len(left_out)} methods and floors the paper leaves out, it is behind {len(ahead)}"
-    mine = numbers.main(scenario, CB)
+    mine, told = numbers.main(scenario, CB), []
+    if left_out:
+        behind = f"{len(ahead)}{': ' if ahead else ''}{listed(ahead)}"
+        told.append(
+            f"Of {len(left_out)} methods and floors the paper leaves out, it is behind {behind}."
+        )
     better = [row for row in numbers.official(scenario) if mine and row.value < mine.value]
-    said_better = f"With their authors' own settings these err less: {', '.join(map(say, better))}."
-    return (
-        *([f"{told}{': ' if ahead else ''}{listed(ahead)}."] if left_out else []),
-        *([said_better] if better else []),
-    )
+    if better:
+        names = ", ".join(map(say, better))
+        told.append(f"With their authors' own settings these err less: {names}.")
+    return told
 
 
 def _improves_by_half(numbers: Numbers, method: str) -> Finding:
@@ -181,9 +179,7 @@ def _improves_by_half(numbers: Numbers, method: str) -> Finding:
             f" {FAMILY[method]} baseline's, in one setting at least. {_in_the_paper(method)}"
         ),
         ours=tuple(sentences),
-        verdict=weigh_some(
-            rows, partial(above, bound=HALF_PERCENT), partial(below, bound=HALF_PERCENT)
-        ),
+        verdict=weigh_some(rows, above, below, HALF_PERCENT),
     )
 
 
@@ -228,12 +224,7 @@ def _ablations(numbers: Numbers) -> list[Finding]:
             )
             for method in (CF, CB)
         ),
-        _two_settings(
-            numbers, CB, (EULER, QUATERNION), "Representation",
-            "Diffusing a quaternion and a translation is better than Euler angles and a"
-            " translation: {base}° against {mine}° (Table 4).",
-            more,
-        ),
+        _euler(numbers),
         _concat(numbers),
         _two_settings(
             numbers, CF, ("fusion=target", "fusion=source"), "Fusion: source or target",
@@ -247,15 +238,9 @@ def _ablations(numbers: Numbers) -> list[Finding]:
 def _two_settings(
     numbers: Numbers, method: str, settings: tuple[str, str], topic: str, claim: str, rule: Rule
 ) -> Finding:
-    """Weigh a setting against a base; if both learnt nothing, nothing could differ.
+    """Weigh a setting against the base of its ablation; ``claim`` has places for their errors.
 
-    Args:
-        numbers: All of them.
-        method: The method that was run with both settings.
-        settings: The setting, and the base of its ablation.
-        topic: Of the finding.
-        claim: With places for the paper's errors, ``{mine}`` and ``{base}``.
-        rule: What the difference must be.
+    What does not beat the mean training pose has learnt nothing that could differ.
     """
     (mine, base), ablation = settings, settings[0].partition("=")[0]
     contrast = numbers.ablated(ablation, method, mine, base)
@@ -266,8 +251,6 @@ def _two_settings(
     told += [f"{row.setting}: {said(row)}." for row in ours]
     if constant and not learnt:
         told.append(f"Neither is below the constant pose, {said(constant)}.")
-    if mine == EULER:
-        told += [f"{row.setting} minus {base}: {said(row)}." for row in _others(numbers)]
     table, verdict = ABLATIONS[ablation].table, rule([contrast])
     theirs = [printed(table, UNSEEN_OBJECTS, method, name) for name in settings]
     undecided = not learnt and verdict != "not run"
@@ -275,14 +258,20 @@ def _two_settings(
     return Finding(topic, claim, tuple(told), "undecided" if undecided else verdict)
 
 
-def _others(numbers: Numbers) -> list[Number]:
-    """Give the contrasts of the representations that the paper does not try."""
-    contrasts = (
-        numbers.ablated("representation", CB, setting, QUATERNION)
+def _euler(numbers: Numbers) -> Finding:
+    base, euler = (f"representation={name},scaling=raw" for name in ("quaternion", "euler"))
+    found = _two_settings(
+        numbers, CB, (euler, base), "Representation",
+        "Diffusing a quaternion and a translation is better than Euler angles and a translation:"
+        " {base}° against {mine}° (Table 4).",
+        more,
+    )  # fmt: skip
+    others = [
+        f"{setting} minus {base}: {said(row)}."
         for setting in numbers.settings("representation", CB)
-        if setting != EULER
-    )
-    return [row for row in contrasts if row]
+        if setting != euler and (row := numbers.ablated("representation", CB, setting, base))
+    ]
+    return replace(found, ours=(*found.ours, *others))
 
 
 def _concat(numbers: Numbers) -> Finding:
@@ -356,17 +345,13 @@ def _fastest(numbers: Numbers, method: str) -> Finding:
         seconds(method, "paper", (name, "paper")) or seconds(method, "paper", (name, "official"))
         for name in RIVALS[method]
     ]
-    found = [row for row in contrasts if row]
+    told, family = [f"Ours: {say(mine)} a pair."] if mine else [], FAMILY[method]
+    if found := [row for row in contrasts if row]:
+        told.append(f"Its time minus theirs: {listed(found)}.")
     return Finding(
-        topic=f"Speed: {FAMILY[method]}",
-        claim=(
-            f"{shown(method).name} is the fastest of the {FAMILY[method]} methods"
-            f" ({SPEEDS[method]})."
-        ),
-        ours=(
-            *([f"Ours: {say(mine)} a pair."] if mine else []),
-            *([f"Its time minus theirs: {listed(found)}."] if found else []),
-        ),
+        topic=f"Speed: {family}",
+        claim=f"{shown(method).name} is the fastest of the {family} methods ({SPEEDS[method]}).",
+        ours=tuple(told),
         verdict=less(contrasts),
     )
 

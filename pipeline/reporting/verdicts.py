@@ -1,7 +1,6 @@
 """How a claim is weighed: the rule of the verdicts, and numbers as sentences give them."""
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from typing import Literal, NamedTuple
 
 import pandas as pd
@@ -123,23 +122,30 @@ def above(row: Number, bound: float = 0.0) -> bool:
     return row.low > bound
 
 
-Test = Callable[[Number], bool]
+def within(row: Number, bound: float) -> bool:
+    """Tell whether an interval stays within plus and minus a bound."""
+    return max(-row.low, row.high) <= bound
 
 
-def weigh(rows: Sequence[Number | None], claimed: Test, refuted: Test) -> Verdict:
-    """Weigh a claim about every one of some comparisons; see ``RULE``."""
+Test = Callable[[Number, float], bool]
+
+
+def weigh(
+    rows: Sequence[Number | None], claimed: Test, refuted: Test, bound: float = 0.0
+) -> Verdict:
+    """Weigh a claim about every one of some comparisons with a bound; see ``RULE``."""
     found = [row for row in rows if row is not None]
-    if any(map(refuted, found)):
+    if any(refuted(row, bound) for row in found):
         return "not confirmed"
     if not rows or len(found) < len(rows):
         return "not run"
-    return "confirmed" if all(map(claimed, found)) else "undecided"
+    return "confirmed" if all(claimed(row, bound) for row in found) else "undecided"
 
 
-def weigh_some(rows: Sequence[Number], claimed: Test, refuted: Test) -> Verdict:
+def weigh_some(rows: Sequence[Number], claimed: Test, refuted: Test, bound: float = 0.0) -> Verdict:
     """Weigh a claim that holds if one of some comparisons is on its side."""
     opposite: dict[Verdict, Verdict] = {"confirmed": "not confirmed", "not confirmed": "confirmed"}
-    nowhere = weigh(rows, refuted, claimed)
+    nowhere = weigh(rows, refuted, claimed, bound)
     return opposite.get(nowhere, nowhere)
 
 
@@ -153,16 +159,12 @@ def less(rows: Sequence[Number | None]) -> Verdict:
 
 def more(rows: Sequence[Number | None], bound: float = 0.0) -> Verdict:
     """Weigh the claim that all are above a bound."""
-    return weigh(rows, partial(above, bound=bound), partial(below, bound=bound))
+    return weigh(rows, above, below, bound)
 
 
 def weigh_same(rows: Sequence[Number | None]) -> Verdict:
     """Weigh the claim that nothing differs."""
-    return weigh(
-        rows,
-        lambda row: max(-row.low, row.high) <= NO_DIFFERENCE_DEG,
-        lambda row: above(row) or below(row),
-    )
+    return weigh(rows, within, lambda row, _: above(row) or below(row), NO_DIFFERENCE_DEG)
 
 
 def say(row: Number, name: str | None = None) -> str:
