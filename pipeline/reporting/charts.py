@@ -9,7 +9,6 @@ from plotly import graph_objects as go
 from pipeline.reporting.drawing import (
     BLUE,
     CYCLE,
-    ERRORS,
     KINDS,
     LOG,
     LOG_LABELLED,
@@ -26,6 +25,7 @@ from pipeline.reporting.drawing import (
     with_printed,
 )
 from pipeline.reporting.paper import (
+    ERRORS,
     TIMING,
     UNSEEN_OBJECTS,
     in_order,

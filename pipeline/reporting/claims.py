@@ -155,8 +155,11 @@ def _beyond(numbers: Numbers, scenario: str, compared: Sequence[str]) -> list[st
         told.append(
             f"Of {len(left_out)} methods and floors the paper leaves out, it is behind {behind}."
         )
-    better = [row for row in numbers.official(scenario) if mine and row.value < mine.value]
-    if better:
+    official = (
+        numbers.at(place(scenario).table, scenario, method, "official")
+        for method in numbers.methods(scenario)
+    )
+    if better := [row for row in official if row and mine and row.value < mine.value]:
         names = ", ".join(map(say, better))
         told.append(f"With their authors' own settings these err less: {names}.")
     return told

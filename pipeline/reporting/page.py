@@ -30,9 +30,10 @@ from pipeline.reporting.charts import (
 from pipeline.reporting.claims import Finding
 from pipeline.reporting.clouds import Example, describe, scene_data
 from pipeline.reporting.documents import environment
-from pipeline.reporting.drawing import ERRORS, KINDS
+from pipeline.reporting.drawing import KINDS
 from pipeline.reporting.paper import (
     ABLATIONS,
+    ERRORS,
     TIMING,
     UNSEEN_OBJECTS,
     in_order,

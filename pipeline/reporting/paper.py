@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.settings.catalogue import CATALOGUE
 
 ACCURACY = ("rmse_r_deg", "rmse_t", "mae_r_deg", "mae_t", "error_r_deg", "error_t")
-MAE_AND_ERROR = ACCURACY[2:]
+MAE_AND_ERROR, ERRORS = ACCURACY[2:], ACCURACY[4:]
 UNSEEN_OBJECTS = "modelnet40-unseen_objects"
 
 
@@ -75,15 +75,11 @@ CONCAT = "fusion=concat"
 """The setting of a row of Table 5 that the paper names and prints no numbers for."""
 BOUND = 1e-10
 """What Table 6 prints as "< 1e-10" s is a bound."""
-CORRESPONDENCE_FREE = ("pointnetlk", "pcrnet", "fmr")
-CORRESPONDENCE_BASED = ("icp", "fgr", "deepgmr", "dcp_v2", "rpmnet")
-"""The paper's own division of what it compares with, in its order of rows."""
-RIVALS: dict[str, tuple[str, ...]] = {
-    "pcrdiffusion_cf": CORRESPONDENCE_FREE,
-    "pcrdiffusion_cb": CORRESPONDENCE_BASED,
+RIVALS = {
+    "pcrdiffusion_cf": ("pointnetlk", "pcrnet", "fmr"),
+    "pcrdiffusion_cb": ("icp", "fgr", "deepgmr", "dcp_v2", "rpmnet"),
 }
-
-
+"""The paper's own division of what it compares with, in its order of rows."""
 PRINTED_AT = ["table", "scenario", "method", "setting", "metric"]
 """The columns that say which of the paper's numbers one is."""
 

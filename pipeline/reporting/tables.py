@@ -10,6 +10,7 @@ from pipeline.reporting.paper import (
     ABLATIONS,
     BOUND,
     CONCAT,
+    ERRORS,
     FLOORS,
     PRINTED,
     TIMING,
@@ -255,7 +256,7 @@ def beats(line: Line, floor: Line) -> bool:
     """Tell whether a method's mean errors are both smaller than a floor's; a tie is no win."""
     return all(
         line.cells[metric].value < floor.cells[metric].value
-        for metric in ("error_r_deg", "error_t")
+        for metric in ERRORS
         if metric in line.cells  # a line that was only timed has none
     )
 

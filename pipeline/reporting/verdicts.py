@@ -67,14 +67,6 @@ class Numbers:
         """Name the methods that were run on a scenario."""
         return [method for where, method in self._main if where == scenario]
 
-    def official(self, scenario: str) -> list[Number]:
-        """Give ERROR(R) of the methods that were also run with their authors' own settings."""
-        found = (
-            self.at(place(scenario).table, scenario, method, "official")
-            for method in self.methods(scenario)
-        )
-        return [row for row in found if row]
-
     def versus(
         self, scenario: str, mine: str, base: str, metric: str = "error_r_deg"
     ) -> Number | None:
