@@ -9,7 +9,6 @@ from plotly import graph_objects as go
 from pipeline.reporting.drawing import (
     BLUE,
     CYCLE,
-    ERRORS,
     KINDS,
     LOG,
     LOG_LABELLED,
@@ -26,6 +25,7 @@ from pipeline.reporting.drawing import (
     with_printed,
 )
 from pipeline.reporting.paper import (
+    ERRORS,
     TIMING,
     UNSEEN_OBJECTS,
     in_order,
@@ -131,23 +131,7 @@ def steps_chart(numbers: pd.DataFrame, unit: str) -> go.Figure:
 
     A line for each sampler, with the intervals over pairs; strokes are further draws of the noise.
     """
-    looks = {"ddpm": ("circle", "solid"), "ddim": ("square", "dot")}
-    lines, draws = (_on_steps(ablated(numbers, "steps", kind), unit) for kind in ("line", "draw"))
-    labels = [*dict.fromkeys(lines["label"])]
-    lines = lines.assign(
-        symbol=lines["sampler"].map(lambda name: looks[name][0]),
-        dash=lines["sampler"].map(lambda name: looks[name][1]),
-    )
-    strokes = draws.assign(symbol="line-ew-open", dash="", minus=np.nan, plus=np.nan)
-    points = pd.concat([lines, strokes], ignore_index=True)
-    points["color"] = [CYCLE[labels.index(label) % len(CYCLE)] for label in points["label"]]
-    points = with_printed(points)
-    figure = draw(points.assign(y=points["drawn"]), 380)
-    figure.update_xaxes(type="log", tickvals=sorted({*points["x"]}), title="sampling steps")
-    return figure.update_yaxes(rangemode="tozero")
-
-
-def _on_steps(rows: pd.DataFrame, unit: str) -> pd.DataFrame:
+    rows = pd.concat([ablated(numbers, "steps", kind) for kind in ("line", "draw")])
     samplers = rows["sampler"].fillna("ddpm")
     names = rows["method"].map(lambda method: shown(method).name)
     points = with_intervals(rows).assign(
@@ -156,7 +140,20 @@ def _on_steps(rows: pd.DataFrame, unit: str) -> pd.DataFrame:
         x=rows["steps"].astype(int),
         panel=[label_of(metric, unit) for metric in rows["metric"]],
     )
-    return points.sort_values(["metric", "method", "sampler", "x"], kind="stable")
+    points = points.sort_values(["metric", "method", "sampler", "x"], kind="stable")
+    points = points.sort_values("kind", ascending=False, kind="stable")  # strokes last
+    is_draw, sampler = points["kind"] == "draw", points["sampler"]
+    points = points.assign(
+        symbol=sampler.map({"ddpm": "circle", "ddim": "square"}).mask(is_draw, "line-ew-open"),
+        dash=sampler.map({"ddpm": "solid", "ddim": "dot"}).mask(is_draw, ""),
+        minus=points["minus"].mask(is_draw),
+        plus=points["plus"].mask(is_draw),
+        color=[CYCLE[index % len(CYCLE)] for index in pd.factorize(points["label"])[0]],
+    )
+    points = with_printed(points)
+    figure = draw(points.assign(y=points["drawn"]), 380)
+    figure.update_xaxes(type="log", tickvals=sorted({*points["x"]}), title="sampling steps")
+    return figure.update_yaxes(rangemode="tozero")
 
 
 def speed_chart(numbers: pd.DataFrame) -> go.Figure:
@@ -165,11 +162,9 @@ def speed_chart(numbers: pd.DataFrame) -> go.Figure:
     errors = choose(timed, metric="error_r_deg")
     errors = with_intervals(errors, axis_start(errors, "error_r_deg"))
     line = ["method", "setting"]
-    names = [*line, "drawn", "minus", "plus", "says", "paper"]
-    costs = timed[timed["metric"].isin([*COSTS])].merge(
-        errors[names], on=line, suffixes=("", "_of_error")
-    )
-    costs = by_method(costs.sort_values("method", key=ranks, kind="stable"))
+    errors = errors[[*line, "drawn", "minus", "plus", "says", "paper"]]
+    costs = timed[timed["metric"].isin([*COSTS])].sort_values("method", key=ranks, kind="stable")
+    costs = by_method(costs.merge(errors, on=line, suffixes=("", "_of_error")))
     others = costs["setting"].map(lambda name: "" if name == "paper" else f" ({name})")
     said = [
         f"{row.says}<br>{show_short(row.value)} {unit_of(row.metric, '')}"
@@ -246,9 +241,11 @@ def distribution_chart(answers: pd.DataFrame, scenario: str, unit: str) -> go.Fi
     points = cumulative(here.melt("method", [*ERRORS], "metric", "error"))
     points = points.sort_values("method", key=ranks, kind="stable")
     points = points.sort_values("metric", kind="stable")
-    says = [f"{y:.0f} % of pairs at most {x:.3g}" for x, y in points[["x", "y"]].to_numpy()]
-    panels = [label_of(metric, unit) for metric in points["metric"]]
-    figure = draw(by_method(points.assign(says=says, panel=panels)), 480)
+    points = points.assign(
+        says=[f"{y:.0f} % of pairs at most {x:.3g}" for x, y in points[["x", "y"]].to_numpy()],
+        panel=[label_of(metric, unit) for metric in points["metric"]],
+    )
+    figure = draw(by_method(points), 480)
     figure.update_traces(line_shape="hv", marker_maxdisplayed=5)
     figure.update_xaxes(**LOG).update_yaxes(range=[0, 101])
     return figure.update_yaxes(title="share of pairs with at most this error [%]", col=1)

@@ -4,14 +4,14 @@ The rule of the verdicts is ``verdicts.RULE``; it is printed above the findings.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 
 import pandas as pd
 
 from pipeline.reporting.numbers import IMPROVEMENT, SPREAD
 from pipeline.reporting.paper import (
     ABLATIONS,
+    CONCAT,
     PRINTED,
     RIVALS,
     SCENARIOS,
@@ -27,13 +27,15 @@ from pipeline.reporting.verdicts import (
     NO_DIFFERENCE_DEG,
     Number,
     Numbers,
+    Rule,
     Verdict,
     above,
     below,
+    less,
     listed,
+    more,
     said,
     say,
-    weigh,
     weigh_same,
     weigh_some,
 )
@@ -78,10 +80,7 @@ def make_findings(numbers: pd.DataFrame) -> list[Finding]:
         *(_order(found, name, CF, RIVALS[CF], f"{FAMILY[CF]} ") for name in tried[CF]),
         *(_improves_by_half(found, method) for method in (CF, CB)),
         _full_overlap(found),
-        *(_diffusion(found, method) for method in (CF, CB)),
-        _euler(found),
-        _concat(found),
-        _fused_with_target(found),
+        *_ablations(found),
         *_steps(found),
         _start(found),
         *(_fastest(found, method) for method in (CF, CB)),
@@ -106,7 +105,7 @@ def _order(
     """Weigh that a method errs least of all, or of its family (a word and a space)."""
     best = min(others, key=lambda name: _theirs(scenario, name))
     contrasts = [numbers.versus(scenario, method, other) for other in others]
-    beyond = () if family else _beyond(numbers, scenario, others)
+    beyond = [] if family else _beyond(numbers, scenario, others)
     return Finding(
         topic=f"Order of {family}methods: {place(scenario).title}",
         claim=(
@@ -115,37 +114,34 @@ def _order(
             f" {_theirs(scenario, best)}° (Table {place(scenario).table})."
         ),
         ours=(*_told(numbers, scenario, method, contrasts), *beyond),
-        verdict=weigh(contrasts, below, above),
+        verdict=less(contrasts),
     )
 
 
 def _told(
     numbers: Numbers, scenario: str, method: str, contrasts: Sequence[Number | None]
-) -> tuple[str, ...]:
+) -> list[str]:
     """Say how far ahead or behind a method is: a sentence for each side."""
-    mine = numbers.main(scenario, method)
+    mine, count = numbers.main(scenario, method), len(contrasts)
     if mine is None:
-        return ()
+        return []
     found = [row for row in contrasts if row is not None]
-    missing = len(contrasts) - len(found)
     sides = {
         "ahead of": [row for row in found if below(row)],
         "behind": [row for row in found if above(row)],
         "not told apart from": [row for row in found if not (below(row) or above(row))],
     }
-    return (
-        f"Ours: {say(mine)}.",
-        *(
-            f"It is {side} {len(rows)} of {len(contrasts)} (its error minus theirs):"
-            f" {listed(rows)}."
-            for side, rows in sides.items()
-            if rows
-        ),
-        *([f"Of {len(contrasts)} comparisons {missing} were not run."] if missing else []),
-    )
+    told = [
+        f"It is {side} {len(rows)} of {count} (its error minus theirs): {listed(rows)}."
+        for side, rows in sides.items()
+        if rows
+    ]
+    if len(found) < count:
+        told.append(f"Of {count} comparisons {count - len(found)} were not run.")
+    return [f"Ours: {say(mine)}.", *told]
 
 
-def _beyond(numbers: Numbers, scenario: str, compared: Sequence[str]) -> tuple[str, ...]:
+def _beyond(numbers: Numbers, scenario: str, compared: Sequence[str]) -> list[str]:
     """Say how CB stands against what the paper leaves out, and against the authors' settings."""
     left_out = [
         row
@@ -153,14 +149,20 @@ def _beyond(numbers: Numbers, scenario: str, compared: Sequence[str]) -> tuple[s
         if method not in (*compared, CB, CF) and (row := numbers.versus(scenario, CB, method))
     ]
     ahead = [row for row in left_out if above(row)]
-    told = f"Of {len(left_out)} methods and floors the paper leaves out, it is behind {len(ahead)}"
-    mine = numbers.main(scenario, CB)
-    better = [row for row in numbers.official(scenario) if mine and row.value < mine.value]
-    said_better = f"With their authors' own settings these err less: {', '.join(map(say, better))}."
-    return (
-        *([f"{told}{': ' if ahead else ''}{listed(ahead)}."] if left_out else []),
-        *([said_better] if better else []),
+    mine, told = numbers.main(scenario, CB), []
+    if left_out:
+        behind = f"{len(ahead)}{': ' if ahead else ''}{listed(ahead)}"
+        told.append(
+            f"Of {len(left_out)} methods and floors the paper leaves out, it is behind {behind}."
+        )
+    official = (
+        numbers.at(place(scenario).table, scenario, method, "official")
+        for method in numbers.methods(scenario)
     )
+    if better := [row for row in official if row and mine and row.value < mine.value]:
+        names = ", ".join(map(say, better))
+        told.append(f"With their authors' own settings these err less: {names}.")
+    return told
 
 
 def _improves_by_half(numbers: Numbers, method: str) -> Finding:
@@ -180,9 +182,7 @@ def _improves_by_half(numbers: Numbers, method: str) -> Finding:
             f" {FAMILY[method]} baseline's, in one setting at least. {_in_the_paper(method)}"
         ),
         ours=tuple(sentences),
-        verdict=weigh_some(
-            rows, partial(above, bound=HALF_PERCENT), partial(below, bound=HALF_PERCENT)
-        ),
+        verdict=weigh_some(rows, above, below, HALF_PERCENT),
     )
 
 
@@ -211,138 +211,116 @@ def _full_overlap(numbers: Numbers) -> Finding:
             " 1c and 2); the paper's ICP does not start from the centroids."
         ),
         ours=tuple(sentences),
-        verdict=weigh(contrasts, below, above),
+        verdict=less(contrasts),
     )
+
+
+def _ablations(numbers: Numbers) -> list[Finding]:
+    return [
+        *(
+            _two_settings(
+                numbers, method, ("diffusion=with", "diffusion=without"),
+                f"Gain by diffusion: {shown(method).name[-2:]}",
+                f"Without diffusion the error of {shown(method).name} rises from {{mine}}° to"
+                " {base}° (Table 3).",
+                less,
+            )
+            for method in (CF, CB)
+        ),
+        _euler(numbers),
+        _concat(numbers),
+        _two_settings(
+            numbers, CF, ("fusion=target", "fusion=source"), "Fusion: source or target",
+            "Whether the noisy pose is fused with the source or the target makes no significant"
+            " difference: {base}° and {mine}° (Table 5).",
+            weigh_same,
+        ),
+    ]  # fmt: skip
 
 
 def _two_settings(
-    numbers: Numbers, ablation: str, method: str, mine: str, base: str
-) -> tuple[Number | None, tuple[str, ...], bool]:
-    """Give the contrast of two settings, the sentences that say it, and whether either learnt.
+    numbers: Numbers, method: str, settings: tuple[str, str], topic: str, claim: str, rule: Rule
+) -> Finding:
+    """Weigh a setting against the base of its ablation; ``claim`` has places for their errors.
 
     What does not beat the mean training pose has learnt nothing that could differ.
     """
+    (mine, base), ablation = settings, settings[0].partition("=")[0]
     contrast = numbers.ablated(ablation, method, mine, base)
-    ours = {setting: numbers.ablated(ablation, method, setting) for setting in (mine, base)}
+    ours = [row for name in settings if (row := numbers.ablated(ablation, method, name))]
     constant = numbers.main(UNSEEN_OBJECTS, "constant")
-    learnt = not constant or any(row and below(row, constant.value) for row in ours.values())
+    learnt = not constant or any(below(row, constant.value) for row in ours)
     told = [f"{mine} minus {base}: {said(contrast)}."] if contrast else []
-    told += [f"{setting}: {said(row)}." for setting, row in ours.items() if row]
+    told += [f"{row.setting}: {said(row)}." for row in ours]
     if constant and not learnt:
         told.append(f"Neither is below the constant pose, {said(constant)}.")
-    return contrast, tuple(told), learnt
-
-
-def _weighed(verdict: Verdict, learnt: bool) -> Verdict:
-    """Withhold a verdict on two settings of which neither has learnt anything."""
-    return verdict if learnt or verdict == "not run" else "undecided"
-
-
-def _printed(ablation: str, method: str, setting: str) -> float | None:
-    return printed(ABLATIONS[ablation].table, UNSEEN_OBJECTS, method, setting)
-
-
-def _diffusion(numbers: Numbers, method: str) -> Finding:
-    with_it, without = "diffusion=with", "diffusion=without"
-    contrast, told, learnt = _two_settings(numbers, "diffusion", method, with_it, without)
-    theirs = [_printed("diffusion", method, setting) for setting in (with_it, without)]
-    return Finding(
-        topic=f"Gain by diffusion: {shown(method).name[-2:]}",
-        claim=(
-            f"Without diffusion the error of {shown(method).name} rises from {theirs[0]}° to"
-            f" {theirs[1]}° (Table 3)."
-        ),
-        ours=told,
-        verdict=_weighed(weigh([contrast], below, above), learnt),
-    )
+    table, verdict = ABLATIONS[ablation].table, rule([contrast])
+    theirs = [printed(table, UNSEEN_OBJECTS, method, name) for name in settings]
+    undecided = not learnt and verdict != "not run"
+    claim = claim.format(mine=theirs[0], base=theirs[1])
+    return Finding(topic, claim, tuple(told), "undecided" if undecided else verdict)
 
 
 def _euler(numbers: Numbers) -> Finding:
     base, euler = (f"representation={name},scaling=raw" for name in ("quaternion", "euler"))
-    contrast, told, learnt = _two_settings(numbers, "representation", CB, euler, base)
-    theirs = [_printed("representation", CB, setting) for setting in (base, euler)]
+    found = _two_settings(
+        numbers, CB, (euler, base), "Representation",
+        "Diffusing a quaternion and a translation is better than Euler angles and a translation:"
+        " {base}° against {mine}° (Table 4).",
+        more,
+    )  # fmt: skip
     others = [
         f"{setting} minus {base}: {said(row)}."
         for setting in numbers.settings("representation", CB)
         if setting != euler and (row := numbers.ablated("representation", CB, setting, base))
     ]
-    return Finding(
-        topic="Representation",
-        claim=(
-            "Diffusing a quaternion and a translation is better than Euler angles and a"
-            f" translation: {theirs[0]}° against {theirs[1]}° (Table 4)."
-        ),
-        ours=(*told, *others),
-        verdict=_weighed(weigh([contrast], above, below), learnt),
-    )
+    return replace(found, ours=(*found.ours, *others))
 
 
 def _concat(numbers: Numbers) -> Finding:
-    contrast = numbers.ablated("fusion", CF, "fusion=concat", ("constant", "paper"))
-    _, told, _ = _two_settings(numbers, "fusion", CF, "fusion=concat", "fusion=source")
-    against = [f"fusion=concat minus the constant pose: {said(contrast)}."] if contrast else []
-    return Finding(
-        topic="Fusion: concatenation",
-        claim=(
-            "Concatenating the features of the noisy pose and of both clouds does not converge"
-            " (Table 5, no numbers). We read: it does not beat the mean training pose."
-        ),
-        ours=(*against, *told),
-        verdict=weigh([contrast], above, below),
-    )
-
-
-def _fused_with_target(numbers: Numbers) -> Finding:
-    source, target = "fusion=source", "fusion=target"
-    contrast, told, learnt = _two_settings(numbers, "fusion", CF, target, source)
-    theirs = [_printed("fusion", CF, setting) for setting in (source, target)]
-    return Finding(
-        topic="Fusion: source or target",
-        claim=(
-            "Whether the noisy pose is fused with the source or the target makes no significant"
-            f" difference: {theirs[0]}° and {theirs[1]}° (Table 5)."
-        ),
-        ours=told,
-        verdict=_weighed(weigh_same([contrast]), learnt),
-    )
+    found = _two_settings(
+        numbers, CF, (CONCAT, "fusion=source"), "Fusion: concatenation",
+        "Concatenating the features of the noisy pose and of both clouds does not converge"
+        " (Table 5, no numbers). We read: it does not beat the mean training pose.",
+        more,
+    )  # fmt: skip
+    contrast = numbers.ablated("fusion", CF, CONCAT, ("constant", "paper"))
+    against = [f"{CONCAT} minus the constant pose: {said(contrast)}."] if contrast else []
+    return replace(found, ours=(*against, *found.ours), verdict=more([contrast]))
 
 
 def _steps(numbers: Numbers) -> list[Finding]:
-    more = [name for name in numbers.settings("steps", CF) if "ddpm" in name]
-    found = [row for name in more if (row := numbers.ablated("steps", CF, name, ONE_STEP))]
+    several = [name for name in numbers.settings("steps", CF) if "ddpm" in name]
+    found = [row for name in several if (row := numbers.ablated("steps", CF, name, ONE_STEP))]
     told = tuple(f"{row.setting} minus {ONE_STEP}: {said(row)}." for row in found)
-    one, two = (_printed("steps", CF, f"steps={n},sampler=ddpm") for n in (1, 2))
-    weighed: list[tuple[str, str, Verdict]] = [
-        (
-            "one is best",
-            f"“PCRDiffusion yields optimal outcomes within a single step”; its Table 7 has {one}°"
-            f" at one step and {two}° at two, four and eight. We read: more steps err more.",
-            weigh(found, above, below),
-        ),
-        (
-            "convergence",
-            f"With more steps the error converges at once: {two}° from two steps on, against"
-            f" {one}° at one (Table 7). We read: the number of steps makes no difference.",
-            weigh_same(found),
-        ),
-        (
-            "more for accuracy",
-            "“We can adjust the number of denoising sampling steps to improve the registration"
-            " accuracy.” We read: some number of steps above one errs less than one.",
-            weigh_some(found, below, above),
-        ),
+    at, table = "steps={},sampler=ddpm", ABLATIONS["steps"].table
+    one, two = (printed(table, UNSEEN_OBJECTS, CF, at.format(steps)) for steps in (1, 2))
+    best = (
+        f"“PCRDiffusion yields optimal outcomes within a single step”; its Table 7 has {one}°"
+        f" at one step and {two}° at two, four and eight. We read: more steps err more."
+    )
+    convergence = (
+        f"With more steps the error converges at once: {two}° from two steps on, against"
+        f" {one}° at one (Table 7). We read: the number of steps makes no difference."
+    )
+    accuracy = (
+        "“We can adjust the number of denoising sampling steps to improve the registration"
+        " accuracy.” We read: some number of steps above one errs less than one."
+    )
+    return [
+        Finding("Steps: one is best", best, told, more(found)),
+        Finding("Steps: convergence", convergence, told, weigh_same(found)),
+        Finding("Steps: more for accuracy", accuracy, told, weigh_some(found, below, above)),
     ]
-    return [Finding(f"Steps: {topic}", claim, told, verdict) for topic, claim, verdict in weighed]
 
 
 def _start(numbers: Numbers) -> Finding:
     """Weigh whether the answer depends on the random pose that the walk starts from."""
-    table = ABLATIONS["steps"].table
     spreads = [
         row
         for method in (CF, CB)
         for setting in (ONE_STEP, SIXTEEN_STEPS)
-        if (row := numbers.at(table, UNSEEN_OBJECTS, method, setting, SPREAD))
+        if (row := numbers.ablated("steps", method, setting, metric=SPREAD))
     ]
     return Finding(
         topic="Steps: what the random start carries",
@@ -357,11 +335,7 @@ def _start(numbers: Numbers) -> Finding:
             f" draws is {said(row)}."
             for row in spreads
         ),
-        verdict=weigh(
-            spreads,
-            partial(above, bound=NO_DIFFERENCE_DEG),
-            partial(below, bound=NO_DIFFERENCE_DEG),
-        ),
+        verdict=more(spreads, NO_DIFFERENCE_DEG),
     )
 
 
@@ -374,18 +348,14 @@ def _fastest(numbers: Numbers, method: str) -> Finding:
         seconds(method, "paper", (name, "paper")) or seconds(method, "paper", (name, "official"))
         for name in RIVALS[method]
     ]
-    found = [row for row in contrasts if row]
+    told, family = [f"Ours: {say(mine)} a pair."] if mine else [], FAMILY[method]
+    if found := [row for row in contrasts if row]:
+        told.append(f"Its time minus theirs: {listed(found)}.")
     return Finding(
-        topic=f"Speed: {FAMILY[method]}",
-        claim=(
-            f"{shown(method).name} is the fastest of the {FAMILY[method]} methods"
-            f" ({SPEEDS[method]})."
-        ),
-        ours=(
-            *([f"Ours: {say(mine)} a pair."] if mine else []),
-            *([f"Its time minus theirs: {listed(found)}."] if found else []),
-        ),
-        verdict=weigh(contrasts, below, above),
+        topic=f"Speed: {family}",
+        claim=f"{shown(method).name} is the fastest of the {family} methods ({SPEEDS[method]}).",
+        ours=tuple(told),
+        verdict=less(contrasts),
     )
 
 
@@ -410,5 +380,5 @@ def _noise(numbers: Numbers) -> Finding:
             " read: at every deviation tried, trained with 0.01, it errs least of those tried."
         ),
         ours=tuple(sentences),
-        verdict=weigh([row for rows in contrasts.values() for row in rows], below, above),
+        verdict=less([row for rows in contrasts.values() for row in rows]),
     )

@@ -73,23 +73,20 @@ def _examples(answers: pd.DataFrame, file: PairFile) -> list[Example]:
     there = [method for method in CHOOSERS if method in {*answers["method"]}]
     chooser = answers["method"] == (there[0] if there else answers["method"].iloc[-1])
     answers = pd.concat([answers[chooser], answers[~chooser]])
-    return [
-        _example(choice, choose(answers, pair=pair), file)
-        for choice, pair in choose_pairs(answers[: int(chooser.sum())]).items()
-    ]
+    examples = []
+    for choice, pair in choose_pairs(answers[: int(chooser.sum())]).items():
+        source, target, _ = known_pair(file, pair)
+        here = choose(answers, pair=pair)
+        group = str(here["group"].iloc[0])
+        example = Example(file.scenario, choice, pair, group, file.unit, source, target, here)
+        examples.append(example)
+    return examples
 
 
 def choose_pairs(answers: pd.DataFrame) -> dict[str, int]:
     """Find the pairs of smallest, (lower) median and largest rotation error; first of equals."""
     ordered = answers.sort_values("error_r_deg", kind="stable")["pair"].tolist()
     return {"best": ordered[0], "median": ordered[(len(ordered) - 1) // 2], "worst": ordered[-1]}
-
-
-def _example(choice: str, answers: pd.DataFrame, file: PairFile) -> Example:
-    pair = int(answers["pair"].iloc[0])
-    source, target, _ = known_pair(file, pair)
-    group = str(answers["group"].iloc[0])
-    return Example(file.scenario, choice, pair, group, file.unit, source, target, answers)
 
 
 def known_pair(file: PairFile, pair: int) -> tuple[Cloud, Cloud, Pose]:
@@ -178,15 +175,18 @@ def _choice(example: Example) -> dict[str, Any]:
 
 def _walk(walk: RecordedWalk, file: PairFile) -> dict[str, Any]:
     _, _, truth = known_pair(file, walk.pair)
-    steps = {
-        kind: [
+    noisy, predicted = (
+        [
             {"pose": flat(pose), "off": off}
             for pose, off in zip(poses, errors(poses, truth), strict=True)
         ]
-        for kind, poses in (("noisy", walk.noisy), ("predicted", walk.predicted))
-    }
-    about = {"method": walk.method, "name": shown(walk.method).name, "pair": walk.pair}
-    return {**about, "group": file.test.group[walk.pair], "times": [*walk.times], **steps}
+        for poses in (walk.noisy, walk.predicted)
+    )
+    return {
+        "method": walk.method, "name": shown(walk.method).name, "pair": walk.pair,
+        "group": file.test.group[walk.pair], "times": [*walk.times],
+        "noisy": noisy, "predicted": predicted,
+    }  # fmt: skip
 
 
 def flat(pose: Pose) -> list[float]:

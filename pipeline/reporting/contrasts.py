@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from pipeline.reporting.paper import RIVALS, TIMING, UNSEEN_OBJECTS
+from pipeline.reporting.paper import ERRORS, RIVALS, TIMING, UNSEEN_OBJECTS
 from pipeline.reporting.reading import NOISE, SET
 
 BASES = {
@@ -28,48 +28,23 @@ def pick_contrasts(answers: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
     sets = sets.loc[sets["draw"] == 0, [*SET, "headline"]].drop_duplicates()
     pairs = sets.merge(sets, how="cross", suffixes=("", "_base"))
     pairs = pairs[pairs["scenario"] == pairs["scenario_base"]]
-    chosen = [
-        pairs[mask].assign(metrics=[metrics] * int(mask.sum()))
-        for mask, metrics in (
-            (_main(pairs), ("error_r_deg", "error_t")),
-            (_within_ablations(pairs), ("error_r_deg", "error_t")),
-            (_fused_against_constant(pairs), ("error_r_deg",)),
-            (_under_the_same_noise(pairs), ("error_r_deg",)),
-            (_times(pairs), ("seconds",)),
-        )
-    ]
-    return pd.concat(chosen, ignore_index=True)
 
+    def agree(*names: str) -> pd.Series:
+        return (pairs[[*names]] == pairs[[f"{name}_base" for name in names]].to_numpy()).all(axis=1)
 
-def _across(pairs: pd.DataFrame) -> pd.Series:
-    ours = pairs["method"].isin([*RIVALS]) & (pairs["method"] != pairs["method_base"])
-    return (
-        ours & pairs["headline"] & pairs["headline_base"] & (pairs["table"] == pairs["table_base"])
-    )
-
-
-def _main(pairs: pd.DataFrame) -> pd.Series:
-    return _across(pairs) & (pairs["table"] != TIMING.table) & (pairs["method_base"] != "identity")
-
-
-def _times(pairs: pd.DataFrame) -> pd.Series:
-    return _across(pairs) & (pairs["table"] == TIMING.table) & (pairs["setting"] == "paper")
-
-
-def _within_ablations(pairs: pd.DataFrame) -> pd.Series:
-    same = pairs["ablation"] == pairs["ablation_base"]
-    same &= pairs["method"] == pairs["method_base"]
-    base = pairs["setting_base"] == pairs["ablation"].map(BASES)
-    return same & base & (pairs["setting"] != pairs["setting_base"])
-
-
-def _fused_against_constant(pairs: pd.DataFrame) -> pd.Series:
+    is_headline = pairs["headline"] & pairs["headline_base"] & agree("table")
+    across = is_headline & pairs["method"].isin([*RIVALS]) & ~agree("method")
+    timed = pairs["table"] == TIMING.table
+    is_base = pairs["setting_base"] == pairs["ablation"].map(BASES)
     fused = (pairs["ablation"] == "fusion") & (pairs["scenario"] == UNSEEN_OBJECTS)
-    constant = pairs["headline_base"] & (pairs["table_base"] != TIMING.table)
-    return fused & constant & (pairs["method_base"] == "constant")
-
-
-def _under_the_same_noise(pairs: pd.DataFrame) -> pd.Series:
-    noisy = (pairs["ablation"] == NOISE) & (pairs["ablation_base"] == NOISE)
-    same = noisy & (pairs["setting"] == pairs["setting_base"])
-    return same & (pairs["method"] == NOISY) & (pairs["method_base"] != NOISY)
+    constant = pairs["headline_base"] & (pairs["method_base"] == "constant")
+    noisy = (pairs["ablation"] == NOISE) & (pairs["method"] == NOISY)
+    chosen = [
+        (across & ~timed & (pairs["method_base"] != "identity"), ERRORS),
+        (agree("ablation", "method") & is_base & ~agree("setting"), ERRORS),
+        (fused & constant & (pairs["table_base"] != TIMING.table), ERRORS[:1]),
+        (noisy & agree("ablation", "setting") & ~agree("method"), ERRORS[:1]),
+        (across & timed & (pairs["setting"] == "paper"), ("seconds",)),
+    ]
+    frames = [pairs[mask].assign(metrics=[names] * int(mask.sum())) for mask, names in chosen]
+    return pd.concat(frames, ignore_index=True)

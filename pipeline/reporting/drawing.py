@@ -26,7 +26,6 @@ TRIANGLES = tuple(f"triangle-{way}" for way in ("up", "down", "right", "ne", "sw
 DASHES = {"floor": "dot", "classical": "dash", "learned": "solid"}
 LOG = {"type": "log", "dtick": 1}
 LOG_LABELLED = {"type": "log", "dtick": "D2", "minorloglabels": "complete"}
-ERRORS = ("error_r_deg", "error_t")
 SMALLEST = {"error_r_deg": 1e-3, "error_t": 1e-5}
 """Nothing is drawn smaller than this on a logarithmic axis: it sits there."""
 

@@ -10,6 +10,8 @@ from scipy.special import gammaincinv
 
 from pipeline.reporting.contrasts import pick_contrasts
 from pipeline.reporting.paper import (
+    ACCURACY,
+    ERRORS,
     MAE_AND_ERROR,
     PRINTED,
     PRINTED_AT,
@@ -24,11 +26,9 @@ from pipeline.reporting.reading import EULER, SET, SHIFT, TIMED, choose
 COLUMNS = ["table", "scenario", "subset", "method", "setting", "metric"]
 COLUMNS += ["value", "low", "high", "paper", "pairs", "failures"]
 """Of ``results.csv``."""
-METRICS = ["rmse_r_deg", "rmse_t", "mae_r_deg", "mae_t", "error_r_deg", "error_t"]
-METRICS += ["median_error_r_deg", "below_5_deg_percent"]
-DRAWN = METRICS[4:6]
+METRICS = (*ACCURACY, "median_error_r_deg", "below_5_deg_percent")
 BINNED = METRICS[4:]
-"""Metrics of a further draw of the noise, and of the pairs of one bin."""
+"""Metrics of the pairs of one bin."""
 IMPROVEMENT = "improvement_percent"
 """Of a contrast: by how much of the other's mean ERROR(R) the first one's is smaller."""
 SPREAD = "spread_over_draws_deg"
@@ -133,22 +133,15 @@ def _measure(pairs: pd.DataFrame, metrics: Sequence[str], seed: int, place: Row)
         values, statistic = pairs[metric].to_numpy(), statistic_of(metric)
         low, high = bootstrap_interval(values, statistic, resamples)
         value = float(statistic(values))
-        yield {
-            **LINE,
-            **place,
-            "metric": metric,
-            "value": value,
-            "low": low,
-            "high": high,
-            **counts,
-        }
+        found: Row = {"metric": metric, "value": value, "low": low, "high": high}
+        yield LINE | place | found | counts
 
 
 def _lines(answers: pd.DataFrame, seed: int) -> Iterator[Row]:
     for keys, pairs in answers.groupby([*SET, "headline"]):
         place = dict(zip([*SET, "headline"], keys, strict=True))
         if place["draw"]:
-            yield from _measure(pairs, DRAWN, seed, place | {"kind": "draw"})
+            yield from _measure(pairs, ERRORS, seed, place | {"kind": "draw"})
             continue
         yield from _measure(pairs, METRICS, seed, place)
         if place["scenario"].startswith("modelnet40"):
@@ -214,8 +207,8 @@ def _improvement(both: pd.DataFrame, seed: int, place: Row) -> Iterator[Row]:
     if np.isfinite([value, *drawn]).all():
         low, high = np.percentile(drawn, [2.5, 97.5])
         counts = {"pairs": len(both), "failures": int(both["failed"].sum())}
-        yield {**LINE, **place, "metric": IMPROVEMENT, "value": value, "low": low, "high": high,
-               **counts}  # fmt: skip
+        found: Row = {"metric": IMPROVEMENT, "value": value, "low": low, "high": high}
+        yield LINE | place | found | counts
 
 
 def _with_paper(numbers: pd.DataFrame) -> pd.DataFrame:

@@ -1,9 +1,9 @@
 """The report as one self-contained page: pictures, tables, charts, clouds to turn, provenance."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from itertools import groupby
 from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any
 
@@ -30,9 +30,10 @@ from pipeline.reporting.charts import (
 from pipeline.reporting.claims import Finding
 from pipeline.reporting.clouds import Example, describe, scene_data
 from pipeline.reporting.documents import environment
-from pipeline.reporting.drawing import ERRORS, KINDS
+from pipeline.reporting.drawing import KINDS
 from pipeline.reporting.paper import (
     ABLATIONS,
+    ERRORS,
     TIMING,
     UNSEEN_OBJECTS,
     in_order,
@@ -99,11 +100,11 @@ def render_page(contents: Contents) -> str:
         glance=main,
         glanced=in_order(method for lines in main.values() for method in lines),
         unbeaten=unbeaten(contents.tables),
-        pages=_with_subsets(contents.tables),
+        pages=[[*some] for _, some in groupby(contents.tables, key=lambda table: table.anchor)],
         walks=walks,
         trainings=_in_order(contents.trainings),
         charts=charts,
-        drawn=partial(_drawn, charts),
+        drawn=lambda kind, names: [name for name in names if f"plot-{kind}-{name}" in charts],
         recorded={name: flatten(contents.files[name].provenance) for name in scenarios},
         plotly=get_plotlyjs(),
         chart_data=_script_safe(
@@ -146,11 +147,6 @@ def _error_charts(contents: Contents) -> dict[str, Figure]:
     return charts
 
 
-def _drawn(charts: Mapping[str, Figure], prefix: str, names: Iterable[str]) -> list[str]:
-    """List what has a chart of this kind."""
-    return [name for name in names if f"plot-{prefix}-{name}" in charts]
-
-
 def _script_safe(data: Mapping[str, Any]) -> str:
     """Write JSON that cannot end the script element it stands in."""
     text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
@@ -158,23 +154,11 @@ def _script_safe(data: Mapping[str, Any]) -> str:
 
 
 def _in_order(trainings: Sequence[Training]) -> list[Training]:
-    return sorted(
-        trainings,
-        key=lambda one: (
-            one.setting != "",
-            scenario_rank(one.scenario),
-            method_rank(one.method),
-            one.setting,
-        ),
-    )
+    def rank(one: Training) -> tuple[object, ...]:
+        ranks = scenario_rank(one.scenario), method_rank(one.method)
+        return one.setting != "", *ranks, one.setting
 
-
-def _with_subsets(tables: Sequence[Table]) -> list[list[Table]]:
-    """Put a table and its subsets together."""
-    found: dict[tuple[str, str, str], list[Table]] = {}
-    for table in tables:
-        found.setdefault((table.number, table.scenario, table.ablation), []).append(table)
-    return list(found.values())
+    return sorted(trainings, key=rank)
 
 
 def flatten(provenance: Mapping[str, Any], prefix: str = "") -> dict[str, str]:

@@ -8,10 +8,10 @@ from typing import Literal
 
 import pandas as pd
 
-from pipeline.settings.catalogue import CATALOGUE, Entry
+from pipeline.settings.catalogue import CATALOGUE
 
 ACCURACY = ("rmse_r_deg", "rmse_t", "mae_r_deg", "mae_t", "error_r_deg", "error_t")
-MAE_AND_ERROR = ACCURACY[2:]
+MAE_AND_ERROR, ERRORS = ACCURACY[2:], ACCURACY[4:]
 UNSEEN_OBJECTS = "modelnet40-unseen_objects"
 
 
@@ -23,11 +23,10 @@ class Shown:
     kind: Literal["floor", "classical", "learned"]
 
 
-def _shown(entry: Entry) -> Shown:
-    return Shown(entry.shown, entry.kind if entry.kind in ("floor", "classical") else "learned")
-
-
-METHODS = {name: _shown(entry) for name, entry in CATALOGUE.items()}
+METHODS = {
+    name: Shown(entry.shown, entry.kind if entry.kind in ("floor", "classical") else "learned")
+    for name, entry in CATALOGUE.items()
+}
 """The methods in the order of their rows; one that is not here follows under its own name."""
 FLOORS = tuple(name for name, entry in CATALOGUE.items() if entry.kind == "floor")
 
@@ -76,15 +75,11 @@ CONCAT = "fusion=concat"
 """The setting of a row of Table 5 that the paper names and prints no numbers for."""
 BOUND = 1e-10
 """What Table 6 prints as "< 1e-10" s is a bound."""
-CORRESPONDENCE_FREE = ("pointnetlk", "pcrnet", "fmr")
-CORRESPONDENCE_BASED = ("icp", "fgr", "deepgmr", "dcp_v2", "rpmnet")
-"""The paper's own division of what it compares with, in its order of rows."""
-RIVALS: dict[str, tuple[str, ...]] = {
-    "pcrdiffusion_cf": CORRESPONDENCE_FREE,
-    "pcrdiffusion_cb": CORRESPONDENCE_BASED,
+RIVALS = {
+    "pcrdiffusion_cf": ("pointnetlk", "pcrnet", "fmr"),
+    "pcrdiffusion_cb": ("icp", "fgr", "deepgmr", "dcp_v2", "rpmnet"),
 }
-
-
+"""The paper's own division of what it compares with, in its order of rows."""
 PRINTED_AT = ["table", "scenario", "method", "setting", "metric"]
 """The columns that say which of the paper's numbers one is."""
 
@@ -119,14 +114,12 @@ def shown(method: str) -> Shown:
 
 def method_rank(method: str) -> tuple[int, str]:
     """Sort key that puts methods in the order of the rows."""
-    order = list(METHODS)
-    return (order.index(method) if method in METHODS else len(order), method)
+    return [*METHODS, method].index(method), method
 
 
 def scenario_rank(scenario: str) -> tuple[int, str]:
     """Sort key that puts scenarios in the order of the tables."""
-    order = list(SCENARIOS)
-    return (order.index(scenario) if scenario in SCENARIOS else len(order), scenario)
+    return [*SCENARIOS, scenario].index(scenario), scenario
 
 
 def place(scenario: str) -> Place:

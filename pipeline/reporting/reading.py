@@ -1,7 +1,7 @@
 """Read what a report is made from: answers, times, trainings, pair files, walks. Checked first."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,18 +67,28 @@ def read_answers(folder: Path) -> pd.DataFrame:
 
 
 def _read_texts(file: Path) -> pd.DataFrame:
-    """Read one file, every field a text, and say whose its rows are."""
+    """Read one file of answers, every field a text, and say whose its rows are."""
+    folder, name = file.parent.name, file.stem
+    if folder not in (ABLATIONS, NOISE):
+        answers, table = _read_columns(file, ANSWER), place(name).table
+        return answers.assign(method=folder, scenario=name, table=table, ablation="")
+    ablation = NOISE if folder == NOISE else name
+    table = ABLATED[ablation].table if ablation in ABLATED else "extra"
+    answers = _read_columns(file, ["method", *ANSWER], ["scenario"])
+    return pd.DataFrame({"scenario": UNSEEN_OBJECTS, **answers}).assign(
+        table=table, ablation=ablation
+    )
+
+
+def _read_columns(file: Path, needed: list[str], others: Collection[str] = ()) -> pd.DataFrame:
+    """Read a file's texts, and which file it is; only ``others`` may stand beside ``needed``."""
     header, rows = read_csv(file)
-    ablation = _ablation_of(file)
-    _check_columns(file, header, ["method", *ANSWER] if ablation else ANSWER)
-    answers = pd.DataFrame(rows, columns=header).assign(file=str(file), ablation=ablation)
-    if ablation:
-        if "scenario" not in header:
-            answers["scenario"] = UNSEEN_OBJECTS
-        table = ABLATED[ablation].table if ablation in ABLATED else "extra"
-        return answers.assign(table=table)
-    scenario = file.stem
-    return answers.assign(method=file.parent.name, scenario=scenario, table=place(scenario).table)
+    missing, unknown = sorted({*needed} - {*header}), sorted({*header} - {*needed, *others})
+    if missing:
+        raise ValueError(f"{file} needs the columns {', '.join(missing)}, it lacks them")
+    if unknown:
+        raise ValueError(f"{file} has columns nobody here reads: {', '.join(unknown)}")
+    return pd.DataFrame(rows, columns=header).assign(file=str(file))
 
 
 def read_times(folder: Path) -> pd.DataFrame:
@@ -93,7 +103,10 @@ def read_times(folder: Path) -> pd.DataFrame:
         ValueError: One is cut short, has other columns, has a pair twice, or no time above zero.
     """
     empty = pd.DataFrame(columns=["pair", "setting", *TIMED, "method", "file"])
-    texts = [_read_timed_texts(file) for file in sorted(folder.glob(f"{TIMES}/*.csv"))]
+    texts = [
+        _read_columns(file, ["pair", "setting", *TIMED]).assign(method=file.stem)
+        for file in sorted(folder.glob(f"{TIMES}/*.csv"))
+    ]
     times = pd.concat([empty, *texts], ignore_index=True)
     times = times.assign(
         table=TIMING.table, ablation="", scenario=UNSEEN_OBJECTS, draw=0, failed=False,
@@ -104,15 +117,6 @@ def read_times(folder: Path) -> pd.DataFrame:
         raise ValueError(f"{wrong.iloc[0]} needs times above zero and memory not below, has others")
     _check_one_row_per_pair(times)
     return _in_order(times)
-
-
-def _read_timed_texts(file: Path) -> pd.DataFrame:
-    header, rows = read_csv(file)
-    if header != ["pair", "setting", *TIMED]:
-        raise ValueError(
-            f"{file} needs the columns pair, setting, {', '.join(TIMED)}, has {header}"
-        )
-    return pd.DataFrame(rows, columns=header).assign(method=file.stem, file=str(file))
 
 
 def _in_order(rows: pd.DataFrame) -> pd.DataFrame:
@@ -145,21 +149,6 @@ def _check_one_row_per_pair(rows: pd.DataFrame) -> None:
     if len(twice):
         file, pair, setting = twice.iloc[0][["file", "pair", "setting"]]
         raise ValueError(f"{file} needs one row per pair, has pair {pair} twice in {setting}")
-
-
-def _ablation_of(file: Path) -> str:
-    if file.parent.name == NOISE:
-        return NOISE
-    return file.stem if file.parent.name == ABLATIONS else ""
-
-
-def _check_columns(file: Path, header: list[str], needed: list[str]) -> None:
-    known = {*needed, *(["scenario"] if "method" in needed else [])}
-    missing, unknown = sorted({*needed} - {*header}), sorted({*header} - known)
-    if missing:
-        raise ValueError(f"{file} needs the columns {', '.join(missing)}, it lacks them")
-    if unknown:
-        raise ValueError(f"{file} has columns nobody here reads: {', '.join(unknown)}")
 
 
 def _check_same_pairs(answers: pd.DataFrame) -> None:

@@ -1,7 +1,8 @@
 """The numbers -> the tables a reader sees; nothing here knows Markdown, LaTeX or HTML."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isnan
 
 import pandas as pd
 
@@ -9,6 +10,7 @@ from pipeline.reporting.paper import (
     ABLATIONS,
     BOUND,
     CONCAT,
+    ERRORS,
     FLOORS,
     PRINTED,
     TIMING,
@@ -52,7 +54,8 @@ class Cell:
     value: float
     low: float
     high: float
-    paper: float | None
+    paper: float
+    """NaN where it prints none."""
     pairs: int
 
     @property
@@ -63,7 +66,7 @@ class Cell:
     @property
     def theirs(self) -> str:
         """The paper's number, empty where it prints none."""
-        return "" if self.paper is None else show_value(self.metric, self.paper)
+        return "" if isnan(self.paper) else show_value(self.metric, self.paper)
 
     @property
     def interval(self) -> tuple[str, str] | None:
@@ -131,10 +134,14 @@ class Table:
         return f"{numbered}: {where}{f' ({self.ablation})' if self.ablation else ''}"
 
     @property
+    def anchor(self) -> str:
+        """Where it stands on the page, beside its other subsets."""
+        return "-".join(filter(None, (self.number, self.scenario, self.ablation)))
+
+    @property
     def label(self) -> str:
         """A name of its own, to refer to it by."""
-        parts = (self.number, self.scenario, self.ablation, self.subset)
-        return "-".join(part for part in parts if part)
+        return f"{self.anchor}-{self.subset}"
 
     @property
     def pairs(self) -> int:
@@ -162,15 +169,11 @@ class Table:
 
 def best(lines: Iterable[Line]) -> dict[str, float]:
     """Find the best value of each metric among the methods that are not floors."""
-    values: dict[str, list[float]] = {}
-    for line in lines:
-        for metric, cell in line.cells.items():
-            values.setdefault(metric, []).extend([] if line.is_floor else [cell.value])
-    return {
-        metric: max(found) if metric.endswith("_percent") else min(found)
-        for metric, found in values.items()
-        if found
-    }
+    winners: dict[str, float] = {}
+    for cell in (cell for line in lines if not line.is_floor for cell in line.cells.values()):
+        better = max if cell.metric.endswith("_percent") else min
+        winners[cell.metric] = better(winners.get(cell.metric, cell.value), cell.value)
+    return winners
 
 
 def make_tables(
@@ -200,17 +203,13 @@ Budgets = Mapping[tuple[str, str, str], Training]
 
 def _lines(numbers: pd.DataFrame) -> list[Line]:
     """Make the lines of one table, in the order of the paper."""
-    cells: dict[tuple[str, str], list[Cell]] = {}
-    failures: dict[tuple[str, str], int] = {}
-    for row in numbers.itertuples(index=False):
-        paper = None if pd.isna(row.paper) else row.paper
-        cell = Cell(row.metric, row.value, row.low, row.high, paper, row.pairs)
-        cells.setdefault((row.method, row.setting), []).append(cell)
-        failures[row.method, row.setting] = row.failures
-    return [
-        Line(*key, {cell.metric: cell for cell in cells[key]}, failures[key])
-        for key in sorted(cells, key=_line_rank)
-    ]
+    fields = ["metric", "value", "low", "high", "paper", "pairs"]
+    lines = []
+    for (method, setting), rows in numbers.groupby(["method", "setting"]):
+        cells = [Cell(*row) for row in rows[fields].itertuples(index=False)]
+        cells_by_metric = {cell.metric: cell for cell in cells}
+        lines.append(Line(method, setting, cells_by_metric, rows["failures"].iloc[-1]))
+    return sorted(lines, key=lambda line: _line_rank((line.method, line.setting)))
 
 
 def _line_rank(key: tuple[str, str]) -> tuple[object, ...]:
@@ -224,23 +223,22 @@ def _table(key: Key, lines: Mapping[Key, list[Line]], budgets: Budgets, file: Pa
     _, scenario, _, subset = key
     own = {line.method for line in lines[key]}
     main = lines.get((place(scenario).table, scenario, "", subset), [])
-    floors = [line for line in main if line.is_floor and line.method not in own]
-    ordered = sorted((*floors, *lines[key]), key=lambda line: not line.is_floor)  # a stable order
+    lent = [line for line in main if line.is_floor and line.method not in own]
+    ordered = sorted((*lent, *lines[key]), key=lambda line: not line.is_floor)  # a stable order
+    floors = [line for line in ordered if line.is_floor]
     notes = [_note(line, key, budgets, file) for line in ordered]
     unique = [*dict.fromkeys(notes)]
-    floors = [line for line in ordered if line.is_floor]
     return Table(
         *key,
         unit=file.unit,
         metrics=tuple(m for m in HEADINGS if any(m in line.cells for line in lines[key])),
         lines=tuple(
-            Line(line.method, line.setting, line.cells, line.failures, _marks(line, floors),
-                 unique.index(note) + 1)
+            replace(line, marks=_marks(line, floors), note=unique.index(note) + 1)
             for line, note in zip(ordered, notes, strict=True)
         ),
         notes=tuple(unique),
         absent=_absent(key, ordered),
-    )  # fmt: skip
+    )
 
 
 def _marks(line: Line, floors: Sequence[Line]) -> str:
@@ -258,7 +256,7 @@ def beats(line: Line, floor: Line) -> bool:
     """Tell whether a method's mean errors are both smaller than a floor's; a tie is no win."""
     return all(
         line.cells[metric].value < floor.cells[metric].value
-        for metric in ("error_r_deg", "error_t")
+        for metric in ERRORS
         if metric in line.cells  # a line that was only timed has none
     )
 
@@ -287,8 +285,12 @@ def _note(line: Line, key: Key, budgets: Budgets, file: PairFile) -> str:
     varies = "=" in setting  # the line names it
     said = [*([] if varies else [f"Setting: {setting}."]), f"Data: {file.source}."]
     said.append(f"Training: {training}.")
-    if "seconds" in line.cells and table == TIMING.table:
-        said += _timed(line.cells["seconds"])
+    if table == TIMING.table and (seconds := line.cells.get("seconds")):
+        said.append(
+            f"Time and memory: of {seconds.pairs} pairs, one at a time, the first call left out."
+        )
+        if seconds.paper == BOUND:
+            said.append(f"The paper prints its time as below {BOUND} s.")
     if ablation == NOISE and not varies:
         said.append("Tested without added noise.")
     if line.setting == CONCAT:
@@ -296,12 +298,6 @@ def _note(line: Line, key: Key, budgets: Budgets, file: PairFile) -> str:
             "The paper prints no numbers for this row: it says that training does not converge."
         )
     return " ".join(said)
-
-
-def _timed(seconds: Cell) -> list[str]:
-    said = f"Time and memory: of {seconds.pairs} pairs, one at a time, the first call left out."
-    bound = f"The paper prints its time as below {BOUND} s."
-    return [said, bound] if seconds.paper == BOUND else [said]
 
 
 def _budget(line: Line, key: Key, budgets: Budgets) -> Training | None:

@@ -67,14 +67,6 @@ class Numbers:
         """Name the methods that were run on a scenario."""
         return [method for where, method in self._main if where == scenario]
 
-    def official(self, scenario: str) -> list[Number]:
-        """Give ERROR(R) of the methods that were also run with their authors' own settings."""
-        found = (
-            self.at(place(scenario).table, scenario, method, "official")
-            for method in self.methods(scenario)
-        )
-        return [row for row in found if row]
-
     def versus(
         self, scenario: str, mine: str, base: str, metric: str = "error_r_deg"
     ) -> Number | None:
@@ -86,12 +78,13 @@ class Numbers:
         return self.at(place(scenario).table, scenario, mine, one.setting, metric, against)
 
     def ablated(
-        self, ablation: str, method: str, setting: str, base: str | Base = ("", "")
-    ) -> Number | None:
-        """Give ERROR(R) of a setting of an ablation, or its contrast with a base."""
+        self, ablation: str, method: str, setting: str, base: str | Base = ("", ""),
+        metric: str = "error_r_deg",
+    ) -> Number | None:  # fmt: skip
+        """Give a number of a setting of an ablation, or its contrast with a base."""
         against = (method, base) if isinstance(base, str) else base
         table = ABLATIONS[ablation].table
-        return self.at(table, UNSEEN_OBJECTS, method, setting, "error_r_deg", against)
+        return self.at(table, UNSEEN_OBJECTS, method, setting, metric, against)
 
     def at(
         self, table: str, scenario: str, method: str, setting: str, metric: str = "error_r_deg",
@@ -121,35 +114,49 @@ def above(row: Number, bound: float = 0.0) -> bool:
     return row.low > bound
 
 
-Test = Callable[[Number], bool]
+def within(row: Number, bound: float) -> bool:
+    """Tell whether an interval stays within plus and minus a bound."""
+    return max(-row.low, row.high) <= bound
 
 
-def weigh(rows: Sequence[Number | None], claimed: Test, refuted: Test) -> Verdict:
-    """Weigh a claim about every one of some comparisons; see ``RULE``."""
+Test = Callable[[Number, float], bool]
+
+
+def weigh(
+    rows: Sequence[Number | None], claimed: Test, refuted: Test, bound: float = 0.0
+) -> Verdict:
+    """Weigh a claim about every one of some comparisons with a bound; see ``RULE``."""
     found = [row for row in rows if row is not None]
-    if any(map(refuted, found)):
+    if any(refuted(row, bound) for row in found):
         return "not confirmed"
     if not rows or len(found) < len(rows):
         return "not run"
-    return "confirmed" if all(map(claimed, found)) else "undecided"
+    return "confirmed" if all(claimed(row, bound) for row in found) else "undecided"
 
 
-def weigh_some(rows: Sequence[Number], claimed: Test, refuted: Test) -> Verdict:
+def weigh_some(rows: Sequence[Number], claimed: Test, refuted: Test, bound: float = 0.0) -> Verdict:
     """Weigh a claim that holds if one of some comparisons is on its side."""
-    if not rows:
-        return "not run"
-    if any(map(claimed, rows)):
-        return "confirmed"
-    return "not confirmed" if all(map(refuted, rows)) else "undecided"
+    opposite: dict[Verdict, Verdict] = {"confirmed": "not confirmed", "not confirmed": "confirmed"}
+    nowhere = weigh(rows, refuted, claimed, bound)
+    return opposite.get(nowhere, nowhere)
+
+
+Rule = Callable[[Sequence[Number | None]], Verdict]
+
+
+def less(rows: Sequence[Number | None]) -> Verdict:
+    """Weigh the claim that all are below zero: one errs less than the others."""
+    return weigh(rows, below, above)
+
+
+def more(rows: Sequence[Number | None], bound: float = 0.0) -> Verdict:
+    """Weigh the claim that all are above a bound."""
+    return weigh(rows, above, below, bound)
 
 
 def weigh_same(rows: Sequence[Number | None]) -> Verdict:
     """Weigh the claim that nothing differs."""
-    return weigh(
-        rows,
-        lambda row: max(-row.low, row.high) <= NO_DIFFERENCE_DEG,
-        lambda row: above(row) or below(row),
-    )
+    return weigh(rows, within, lambda row, _: above(row) or below(row), NO_DIFFERENCE_DEG)
 
 
 def say(row: Number, name: str | None = None) -> str:

@@ -170,7 +170,8 @@ def test_no_times_are_no_fault(tmp_path: Path) -> None:
         ([timed(seconds="0.0")], "times above zero"),
         ([timed(peak_memory_mib="-1.0")], "memory not below"),
         ([timed(seconds="soon")], "a finite number in column seconds"),
-        ([timed() | {"colour": "red"}], "needs the columns pair, setting, seconds, peak_memory"),
+        ([timed() | {"colour": "red"}], r"icp\.csv has columns nobody here reads: colour"),
+        ([{"pair": 0, "setting": "paper"}], r"icp\.csv needs the columns peak_memory_mib, seconds"),
     ],
 )
 def test_refuses_times_that_cannot_be(

@@ -1,5 +1,6 @@
 """The tables a reader sees: their order, floors, marks and footnotes."""
 
+from math import nan
 from pathlib import Path
 
 import pandas as pd
@@ -206,7 +207,7 @@ def test_the_best_is_none_of_the_floors(tmp_path: Path) -> None:
 def test_an_angle_that_arithmetic_does_not_resolve_has_no_digits(
     numbers: tuple[float, float, float], ours: str, interval: tuple[str, str] | None
 ) -> None:
-    cell = Cell("error_r_deg", *numbers, paper=None, pairs=9)
+    cell = Cell("error_r_deg", *numbers, paper=nan, pairs=9)
     assert (cell.ours, cell.interval, cell.theirs) == (ours, interval, "")
     length = Cell("error_t", 4e-7, 3e-7, 5e-7, paper=0.5, pairs=9)
     assert (length.ours, length.interval, length.theirs) == ("4e-07", ("3e-07", "5e-07"), "0.5000")
