@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipeline.formats.files import write_atomically, write_json
 from pipeline.reporting.provenance import read_provenance
-from pipeline.reporting.report import make_report
+from pipeline.reporting.report import make_contents, make_report
 from pipeline.settings.params import read_params
 from pipeline.tracking.journal import journal
 from pipeline.tracking.mlflow_sync import sync_after_report
@@ -23,14 +23,10 @@ def main(argv: list[str] | None = None) -> None:
 
     params = read_params()
     with journal(params={"profile": params.profile}) as notes:
-        report = make_report(
-            args.results,
-            args.models,
-            args.pairs,
-            args.benchmarks,
-            profile=params.profile,
-            provenance=read_provenance(Path.cwd()),
-        )
+        folders = args.results, args.models, args.pairs, args.benchmarks
+        provenance = read_provenance(Path.cwd())
+        contents = make_contents(*folders, profile=params.profile, provenance=provenance)
+        report = make_report(contents)
         for name, table in report.tables.items():
             write_atomically(args.tables / name, table.encode())
         for name, picture in report.pictures.items():

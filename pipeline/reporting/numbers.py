@@ -132,8 +132,7 @@ def _measure(pairs: pd.DataFrame, metrics: Sequence[str], seed: int, place: Row)
     for metric in metrics:
         values, statistic = pairs[metric].to_numpy(), statistic_of(metric)
         low, high = bootstrap_interval(values, statistic, resamples)
-        value = float(statistic(values))
-        found: Row = {"metric": metric, "value": value, "low": low, "high": high}
+        found = {"metric": metric, "value": float(statistic(values)), "low": low, "high": high}
         yield LINE | place | found | counts
 
 

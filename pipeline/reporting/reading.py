@@ -120,8 +120,12 @@ def read_times(folder: Path) -> pd.DataFrame:
 
 
 def _in_order(rows: pd.DataFrame) -> pd.DataFrame:
+    """Sort the sets, and mark the headline of each method on each scenario."""
     rows = rows.drop(columns="file").sort_values([*SET, "pair"], ignore_index=True)
-    return rows.assign(headline=_is_headline(rows))
+    main = rows[rows["ablation"] == ""]
+    ranked = main["setting"].where(main["setting"] != "paper", "")  # before all others
+    chosen = ranked.groupby([main["scenario"], main["method"]]).transform("min")
+    return rows.assign(headline=(ranked == chosen).reindex(rows.index, fill_value=False))
 
 
 def _numbers(rows: pd.DataFrame, columns: list[str]) -> dict[str, np.ndarray]:
@@ -160,13 +164,6 @@ def _check_same_pairs(answers: pd.DataFrame) -> None:
                 f"{file} needs all {wanted[ablation, scenario]} pairs its scenario was tried on,"
                 f" has {count} under {method}, {setting}"
             )
-
-
-def _is_headline(answers: pd.DataFrame) -> pd.Series:
-    main = answers[answers["ablation"] == ""]
-    ranked = main["setting"].where(main["setting"] != "paper", "")  # before all others
-    chosen = ranked.groupby([main["scenario"], main["method"]]).transform("min")
-    return (ranked == chosen).reindex(answers.index, fill_value=False)
 
 
 def read_all_walks(results: Path) -> dict[str, list[RecordedWalk]]:

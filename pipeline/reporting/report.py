@@ -44,16 +44,25 @@ class Report:
     page: str
 
 
-def make_report(
-    results: Path,
-    models: Path,
-    pairs: Path,
-    benchmarks: Path,
-    *,
-    profile: str,
+def make_report(contents: Contents) -> Report:
+    """Render what was read and computed: the same contents, the same bytes."""
+    return Report(
+        tables={
+            "results.csv": write_numbers(contents.numbers),
+            "results.md": render_markdown(contents.tables, contents.banner, contents.findings),
+            "results.tex": render_latex(contents.tables, contents.banner),
+        },
+        pictures=dict(contents.pictures),
+        summary=summarise(contents.numbers),
+        page=render_page(contents),
+    )
+
+
+def make_contents(
+    results: Path, models: Path, pairs: Path, benchmarks: Path, *, profile: str,
     provenance: Provenance | None = None,
-) -> Report:
-    """Compute all numbers once and render them: the same inputs, the same bytes.
+) -> Contents:  # fmt: skip
+    """Read the folders and compute, once, everything that is shown.
 
     Args:
         results: Folder of ``<method>/<scenario>.csv``, ``ablations/<name>.csv``,
@@ -69,26 +78,6 @@ def make_report(
         FileNotFoundError: There are no results, or no pair file for some of them.
         ValueError: A file is cut short or ill-formed.
     """
-    contents = make_contents(
-        results, models, pairs, benchmarks, profile=profile, provenance=provenance
-    )
-    return Report(
-        tables={
-            "results.csv": write_numbers(contents.numbers),
-            "results.md": render_markdown(contents.tables, contents.banner, contents.findings),
-            "results.tex": render_latex(contents.tables, contents.banner),
-        },
-        pictures=dict(contents.pictures),
-        summary=summarise(contents.numbers),
-        page=render_page(contents),
-    )
-
-
-def make_contents(
-    results: Path, models: Path, pairs: Path, benchmarks: Path, *, profile: str,
-    provenance: Provenance | None,
-) -> Contents:  # fmt: skip
-    """Read the folders and compute everything that is shown; see :func:`make_report`."""
     answers, walks, times = read_answers(results), read_all_walks(results), read_times(results)
     files = read_pair_files(pairs, [*answers["scenario"].unique(), *walks])
     trainings, examples = read_trainings(models), choose_examples(answers, files)

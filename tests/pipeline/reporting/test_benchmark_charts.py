@@ -16,6 +16,7 @@ from pipeline.reporting.benchmark_charts import (
 )
 from pipeline.reporting.page import Contents, render_page
 from pipeline.reporting.paper import METHODS
+from pipeline.reporting.report import make_contents as make_the_contents
 from pipeline.reporting.report import make_report
 from tests.pipeline.reporting.synthetic_benchmarks import HERE, make_benchmarks
 from tests.pipeline.reporting.synthetic_page import make_contents
@@ -110,4 +111,4 @@ def test_the_report_reads_them_from_their_folder(tmp_path: Path) -> None:
     write_everything(tmp_path, ("kitti",), 3)
     write_benchmarks(tmp_path / "benchmarks", FOUND)
     parts = (tmp_path / name for name in ("results", "models", "pairs", "benchmarks"))
-    assert HERE in section(make_report(*parts, profile="quick").page)
+    assert HERE in section(make_report(make_the_contents(*parts, profile="quick")).page)

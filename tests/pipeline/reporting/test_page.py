@@ -12,6 +12,7 @@ import pytest
 from pipeline.reporting.page import Contents, flatten, render_page
 from pipeline.reporting.paper import FLOORS
 from pipeline.reporting.provenance import read_provenance
+from pipeline.reporting.report import make_contents as make_the_contents
 from pipeline.reporting.report import make_report
 from tests.pipeline.reporting.synthetic_page import make_contents
 from tests.pipeline.reporting.synthetic_results import (
@@ -67,7 +68,7 @@ def full(contents: Contents) -> str:
 
 def render(folder: Path, profile: str) -> str:
     parts = (folder / name for name in ("results", "models", "pairs", "benchmarks"))
-    return make_report(*parts, profile=profile).page
+    return make_report(make_the_contents(*parts, profile=profile)).page
 
 
 def test_the_page_is_the_same_twice(folder: Path, page: str, contents: Contents, full: str) -> None:
@@ -149,7 +150,7 @@ def test_text_from_files_cannot_become_markup(tmp_path: Path) -> None:
 def test_a_report_without_trainings_or_ablations_is_still_a_report(tmp_path: Path) -> None:
     write_everything(tmp_path, ("kitti",), 3)
     parts = (tmp_path / name for name in ("results", "no_models", "pairs", "benchmarks"))
-    page = make_report(*parts, profile="quick").page
+    page = make_report(make_the_contents(*parts, profile="quick")).page
     for section in ("ablations", "steps", "speed", "difficulty", "curves", "findings"):
         assert f'id="{section}"' not in page
         assert f'href="#{section}"' not in page
@@ -204,7 +205,7 @@ def test_claims_are_weighed_on_real_data_and_at_the_papers_size_only(
     folder: Path, profile: str
 ) -> None:
     parts = (folder / name for name in ("results", "models", "pairs", "benchmarks"))
-    made = make_report(*parts, profile=profile)
+    made = make_report(make_the_contents(*parts, profile=profile))
     page, markdown = made.page.split("<body>")[1], made.tables["results.md"]
     weighed = profile in ("real", "paper")
     elsewhere = "claims are weighed in the report on real data, {}reports/real/results.md{};"

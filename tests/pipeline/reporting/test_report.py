@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from pipeline.reporting.report import banner, make_report, summarise
+from pipeline.reporting.report import banner, make_contents, make_report, summarise
 from tests.pipeline.reporting.synthetic_results import (
     plain_row,
     result_file,
@@ -38,7 +38,7 @@ def test_the_summary_is_of_the_headline_settings(tmp_path: Path) -> None:
 def test_a_report_holds_every_document_and_a_picture_of_each_kind(tmp_path: Path) -> None:
     write_everything(tmp_path, ("kitti",), 3)
     parts = (tmp_path / name for name in ("results", "models", "pairs", "benchmarks"))
-    report = make_report(*parts, profile="quick")
+    report = make_report(make_contents(*parts, profile="quick"))
     assert [*report.tables] == ["results.csv", "results.md", "results.tex"]
     assert [*report.pictures] == ["pair_kitti.png", "panels_kitti.png"]
     assert {*report.summary} == {"cf", "cb"}
