@@ -11,7 +11,7 @@ from torch import Tensor
 
 from pcrdiff.evaluation import evaluate
 from pcrdiff.registration import Method, Normals, Pairs
-from tests.pcrdiff.made_up_clouds import made_up_pairs, random_poses, seeded
+from tests.pcrdiff.synthetic_clouds import random_poses, seeded, synthetic_pairs
 
 T = TypeVar("T")
 
@@ -36,7 +36,7 @@ class Guess(Method):
 
 
 def five_pairs() -> Pairs:
-    return made_up_pairs(5, 12, generator=seeded(0))
+    return synthetic_pairs(5, 12, generator=seeded(0))
 
 
 def test_a_method_that_raises_on_pair_3_is_counted_and_scored_as_the_identity() -> None:

@@ -7,11 +7,11 @@ import torch
 from torch import Tensor
 
 from pcrdiff.registration import LearnedMethod, Pairs, check_clouds
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
 
 
 def test_chosen_pairs_come_in_the_order_of_the_choice_with_all_that_is_theirs() -> None:
-    pairs = made_up_pairs(4, 10, generator=seeded(0))
+    pairs = synthetic_pairs(4, 10, generator=seeded(0))
     chosen = pairs.select(torch.tensor([2, 0, 2]))
     assert len(pairs) == 4
     assert len(chosen) == 3
@@ -23,7 +23,7 @@ def test_chosen_pairs_come_in_the_order_of_the_choice_with_all_that_is_theirs() 
 
 
 def test_a_group_goes_with_its_pair() -> None:
-    pairs = made_up_pairs(3, 10, generator=seeded(0))
+    pairs = synthetic_pairs(3, 10, generator=seeded(0))
     named = type(pairs)(
         pairs.source, pairs.target, pairs.T_target_source, pairs.item, ("a", "b", "c")
     )
@@ -34,7 +34,7 @@ def pairs_with_normals() -> Pairs:
     source, target = torch.nn.functional.normalize(
         torch.randn(2, 4, 10, 3, generator=seeded(9)), dim=-1
     )
-    pairs = made_up_pairs(4, 10, generator=seeded(0))
+    pairs = synthetic_pairs(4, 10, generator=seeded(0))
     return replace(pairs, source_normals=source, target_normals=target)
 
 
@@ -47,12 +47,12 @@ def test_normals_go_with_their_pair_where_there_are_any() -> None:
     assert chosen.target_normals is not None
     assert torch.equal(chosen.source_normals, pairs.source_normals[index])
     assert torch.equal(chosen.target_normals, pairs.target_normals[index])
-    without = made_up_pairs(4, 10, generator=seeded(0)).select(index)
+    without = synthetic_pairs(4, 10, generator=seeded(0)).select(index)
     assert without.source_normals is without.target_normals is None
 
 
 def test_clouds_to_estimate_normals_of_are_points_alone() -> None:
-    for pairs in (pairs_with_normals(), made_up_pairs(4, 10, generator=seeded(0))):
+    for pairs in (pairs_with_normals(), synthetic_pairs(4, 10, generator=seeded(0))):
         source, target = pairs.clouds("estimated")
         assert torch.equal(source, pairs.source)
         assert torch.equal(target, pairs.target)

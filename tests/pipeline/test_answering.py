@@ -23,7 +23,7 @@ from pipeline.formats.weights import write_weights
 from pipeline.loading import load_learned, load_settings
 from pipeline.settings.params import Params, read_params
 from pipeline.settings.seeding import stream
-from tests.pipeline.formats.test_formats import made_up_pairs
+from tests.pipeline.formats.test_formats import synthetic_pairs
 from tests.tiny import CF, PAIRS, tiny_params, weights, write_params
 
 WEIGHTS = weights(CF)
@@ -47,7 +47,7 @@ def turned(angle_deg: float, shift: float) -> torch.Tensor:
 
 def still(count: int) -> Pairs:
     """Pairs whose true pose is the identity."""
-    pairs, poses = made_up_pairs(count), torch.eye(4, dtype=torch.float64).repeat(count, 1, 1)
+    pairs, poses = synthetic_pairs(count), torch.eye(4, dtype=torch.float64).repeat(count, 1, 1)
     return Pairs(pairs.source, pairs.target, poses, pairs.item, pairs.group)
 
 

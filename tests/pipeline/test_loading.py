@@ -9,7 +9,7 @@ from pipeline.settings.catalogue import CATALOGUE, Entry, names_of
 from pipeline.settings.params import DIFFUSED, Params, learned_names
 from pipeline.settings.profiles import read_profile
 from tests.described import REPOSITORY
-from tests.pipeline.formats.test_formats import made_up_pairs
+from tests.pipeline.formats.test_formats import synthetic_pairs
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def params() -> Params:
 
 def test_every_classical_method_is_built_once_per_setting(params: Params) -> None:
     for name in params.run.classical:
-        built = build_classical(name, params.methods, made_up_pairs)
+        built = build_classical(name, params.methods, synthetic_pairs)
         assert list(built) == list(getattr(params.methods, name))
         assert all(isinstance(method, Method) for method in built.values())
         assert {method.name for method in built.values()} == {name}
@@ -60,7 +60,7 @@ def test_every_learned_method_is_trained_in_the_tables(params: Params) -> None:
 
 
 def test_the_settings_reach_the_methods(params: Params) -> None:
-    built = build_classical("icp", params.methods, made_up_pairs)
+    built = build_classical("icp", params.methods, synthetic_pairs)
     iterations = {name: vars(method)["max_iterations"] for name, method in built.items()}
     assert iterations == {"paper": 10, "official": 30}
 
@@ -73,7 +73,7 @@ def test_the_walk_reaches_the_learned_methods(params: Params) -> None:
 
 
 def test_the_constant_is_the_mean_of_the_training_poses(params: Params) -> None:
-    pairs = made_up_pairs(3)  # quarter turns, 0, 0.1 and 0.2 along x
+    pairs = synthetic_pairs(3)  # quarter turns, 0, 0.1 and 0.2 along x
     (method,) = build_classical("constant", params.methods, lambda: pairs).values()
     pose = method.register(pairs.source, pairs.target, generator=torch.Generator())
     assert torch.allclose(pose[2].double(), pairs.T_target_source[1], atol=1e-6)
@@ -93,4 +93,4 @@ def test_refuses_a_name_that_no_method_has(params: Params) -> None:
     with pytest.raises(ValueError, match="no learned method is called 'icp'"):
         build_learned("icp", "paper", params.methods, params.diffusion)
     with pytest.raises(ValueError, match="no classical method is called 'pcrdiffusion_cf'"):
-        build_classical("pcrdiffusion_cf", params.methods, made_up_pairs)
+        build_classical("pcrdiffusion_cf", params.methods, synthetic_pairs)

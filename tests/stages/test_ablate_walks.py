@@ -13,8 +13,8 @@ from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pipeline.formats.walks import read_walks, write_walks
 from pipeline.settings.params import read_params
 from stages.ablate import follow, follow_walks
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from tests.pcrdiff.methods.small_methods import make_cb, make_cf
+from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
 from tests.tiny import CB, CF, PAIRS, SCENARIO, instance, refusal, run_instance
 from tests.tiny import weights as weights_file
 
@@ -25,7 +25,7 @@ WALK = Walk(timesteps=20, steps=4, sampler="ddpm")
 def test_the_last_prediction_is_the_registration(
     make: Callable[[Walk], PCRDiffusionCF | PCRDiffusionCB],
 ) -> None:
-    method, pairs = make(WALK), made_up_pairs(1, 40, generator=seeded(0))
+    method, pairs = make(WALK), synthetic_pairs(1, 40, generator=seeded(0))
     times, noisy, predicted = follow(method, pairs.source, pairs.target, seed=5)
     answer = method.register(pairs.source, pairs.target, generator=seeded(5))
     torch.testing.assert_close(predicted[-1:].float(), answer)

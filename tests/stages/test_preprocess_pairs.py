@@ -20,7 +20,7 @@ from stages.preprocess import (
     find_doubled,
     preprocess,
 )
-from tests.pcrdiff.made_up_clouds import joined
+from tests.pcrdiff.synthetic_clouds import joined
 from tests.tiny import CATEGORIES, RAW, SCENARIO, instance, run_instance, tiny_params, write_params
 
 
@@ -141,10 +141,10 @@ def preprocess_kitti(blank: Path, **changes: object) -> Preprocessed:
 
 
 def test_what_the_project_made_itself_has_its_own_licence(blank: Path) -> None:
-    made_up = preprocess_kitti(blank)
-    record: Any = made_up.attributes["provenance"]
+    synthetic = preprocess_kitti(blank)
+    record: Any = synthetic.attributes["provenance"]
     assert (record["source"], record["licence"]) == ("synthetic", SYNTHETIC_LICENCE)
-    assert (made_up.label, joined(made_up.splits["train"].blocks).group) == ("scene", ("00",))
+    assert (synthetic.label, joined(synthetic.splits["train"].blocks).group) == ("scene", ("00",))
 
 
 def test_given_normals_of_a_data_set_that_has_none_are_refused_by_its_name(blank: Path) -> None:

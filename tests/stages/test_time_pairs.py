@@ -22,7 +22,7 @@ from stages.time import (
     write_costs,
 )
 from tests.described import REPOSITORY
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
 from tests.tiny import CF, PAIRS
 
 
@@ -47,7 +47,7 @@ class Slow(Method):
 
 
 def test_every_pair_is_timed_after_the_warm_up_even_where_the_method_fails() -> None:
-    method, pairs = Slow(), made_up_pairs(3, 20, generator=seeded(0))
+    method, pairs = Slow(), synthetic_pairs(3, 20, generator=seeded(0))
     costs = time_registrations(method, pairs, warm_up=2, before=resident("VmRSS"))
     assert method.calls == 5
     assert len(costs) == 3
@@ -57,10 +57,10 @@ def test_every_pair_is_timed_after_the_warm_up_even_where_the_method_fails() -> 
 IN_A_FRESH_PROCESS = """
 from tests.stages.test_time_pairs import Slow
 from pcrdiff.registration import Method
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+from tests.pcrdiff.synthetic_clouds import synthetic_pairs, seeded
 from pipeline.compute.machine import resident
 from stages.time import time_registrations
-pairs = made_up_pairs(2, 20, generator=seeded(0))
+pairs = synthetic_pairs(2, 20, generator=seeded(0))
 before = resident("VmRSS")
 for mebibytes in (64, 1):  # the second setting has what the first allocated
     costs = time_registrations(Slow(mebibytes), pairs, warm_up=1, before=before)

@@ -7,7 +7,7 @@ import pytest
 
 from pcrdiff.bindings.open3d import open3d
 from pcrdiff.bindings.open3d_registration import check_matches, cloud, registration
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, seeded, small_pose
+from tests.pcrdiff.synthetic_clouds import lopsided_clouds, seeded, small_pose
 
 POSE = small_pose(20, (0.1, 0.2, 0.3)).numpy()
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from pcrdiff.diffusion.process import corrupt, ddim_step, q_posterior, q_sample, time_pairs
 from pcrdiff.diffusion.schedule import cosine_alphas_bar
-from tests.pcrdiff.made_up_clouds import seeded
+from tests.pcrdiff.synthetic_clouds import seeded
 
 T = 60
 A = cosine_alphas_bar(T)

@@ -9,7 +9,7 @@ from torch import Tensor
 from pcrdiff.diffusion.process import time_pairs
 from pcrdiff.diffusion.sampling import Denoiser, Walk, draw_noise, sample
 from pcrdiff.diffusion.schedule import cosine_alphas_bar
-from tests.pcrdiff.made_up_clouds import seeded
+from tests.pcrdiff.synthetic_clouds import seeded
 
 Sampler = Literal["ddpm", "ddim"]
 SAMPLERS: list[Sampler] = ["ddpm", "ddim"]

@@ -11,7 +11,7 @@ from pcrdiff.geometry.metrics import (
     translation_difference,
 )
 from pcrdiff.geometry.rigid import from_parts
-from tests.pcrdiff.made_up_clouds import random_poses, seeded
+from tests.pcrdiff.synthetic_clouds import random_poses, seeded
 
 
 def about_x(angle_deg: float, t: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> torch.Tensor:

@@ -18,7 +18,7 @@ from pcrdiff.geometry.neighbors import (
     squared_distances,
 )
 from pcrdiff.geometry.rigid import transform
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, random_poses, seeded
+from tests.pcrdiff.synthetic_clouds import lopsided_clouds, random_poses, seeded
 
 Search = Callable[[torch.Tensor, torch.Tensor, int], tuple[torch.Tensor, torch.Tensor]]
 

@@ -10,7 +10,7 @@ from pcrdiff.geometry.precision import (
     search_scores,
     set_search_precision,
 )
-from tests.pcrdiff.made_up_clouds import seeded
+from tests.pcrdiff.synthetic_clouds import seeded
 
 
 def factors(dtype: torch.dtype = torch.float32) -> tuple[torch.Tensor, torch.Tensor]:

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from pcrdiff.geometry.procrustes import fit_rigid
 from pcrdiff.geometry.rigid import invert, transform
-from tests.pcrdiff.made_up_clouds import random_poses, seeded, small_pose
+from tests.pcrdiff.synthetic_clouds import random_poses, seeded, small_pose
 
 
 def matched_clouds(seed: int, noise: float = 0.3) -> tuple[torch.Tensor, ...]:

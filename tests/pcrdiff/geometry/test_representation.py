@@ -6,7 +6,7 @@ from scipy.linalg import logm
 from scipy.spatial.transform import Rotation
 
 from pcrdiff.geometry.representation import REPRESENTATIONS, RepresentationName
-from tests.pcrdiff.made_up_clouds import random_poses, seeded, small_pose
+from tests.pcrdiff.synthetic_clouds import random_poses, seeded, small_pose
 
 NAMES = list(REPRESENTATIONS)
 DIMS = {

@@ -18,7 +18,7 @@ from pcrdiff.geometry.rigid import (
     pose_vector,
     transform,
 )
-from tests.pcrdiff.made_up_clouds import random_poses, seeded, small_pose
+from tests.pcrdiff.synthetic_clouds import random_poses, seeded, small_pose
 
 BATCHES = [(), (1,), (3, 2)]
 

@@ -19,7 +19,7 @@ from pcrdiff.geometry.rotation import (
     quaternion_from_matrix,
     vee,
 )
-from tests.pcrdiff.made_up_clouds import random_rotations, seeded
+from tests.pcrdiff.synthetic_clouds import random_rotations, seeded
 
 BATCHES = [(), (1,), (3, 2)]
 AWKWARD_ANGLES = [0.0, 1e-9, 1e-5, 1.0, math.pi - 1e-5, math.pi - 1e-9, math.pi]

@@ -6,7 +6,7 @@ import torch
 
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.geometry.span import check_support, spans_plane
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, random_poses, seeded
+from tests.pcrdiff.synthetic_clouds import lopsided_clouds, random_poses, seeded
 
 ALONG = np.linspace(-1, 1, 50)[:, None]
 SPREAD = np.random.default_rng(0).normal(size=(50, 3))

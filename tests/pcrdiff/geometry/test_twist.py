@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.geometry.twist import exp_twist, hat
-from tests.pcrdiff.made_up_clouds import seeded
+from tests.pcrdiff.synthetic_clouds import seeded
 
 BATCHES = [(), (1,), (3, 2)]
 LENGTHS = [0.0, 1e-12, 1e-8, 1e-4, 0.1, 1.0, math.pi - 1e-6, math.pi, 6.0]

@@ -31,7 +31,7 @@ from pcrdiff.models.pose_encoder import Diffusion, Fusion
 from pcrdiff.models.pose_space import Scaling
 from pcrdiff.models.refinement import RefinedMethod
 from pcrdiff.registration import LearnedMethod, Method
-from tests.pcrdiff.made_up_clouds import random_poses, seeded
+from tests.pcrdiff.synthetic_clouds import random_poses, seeded
 
 WALK = Walk(timesteps=20, steps=3, sampler="ddpm")
 

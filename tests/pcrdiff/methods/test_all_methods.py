@@ -7,14 +7,14 @@ from torch import Tensor
 from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.registration import LearnedMethod, Method
-from tests.pcrdiff.made_up_clouds import (
+from tests.pcrdiff.methods.small_methods import CLASSICAL, DIFFUSED, LEARNED, make_method
+from tests.pcrdiff.synthetic_clouds import (
     lopsided_clouds,
-    made_up_pairs,
     random_poses,
     seeded,
     small_pose,
+    synthetic_pairs,
 )
-from tests.pcrdiff.methods.small_methods import CLASSICAL, DIFFUSED, LEARNED, make_method
 
 every_method = pytest.mark.parametrize("name", [*CLASSICAL, *LEARNED])
 every_learned_method = pytest.mark.parametrize("name", LEARNED)
@@ -32,7 +32,7 @@ FOLLOW_NO_SHIFT = ("identity", "constant", "icp", "pcrdiffusion_cf", "pcrdiffusi
 
 def clouds(n: int = 64, m: int = 64, batch: int = 3) -> tuple[Tensor, Tensor]:
     """Exact copies in another order, but for the points that only the longer one has."""
-    pairs = made_up_pairs(batch, max(n, m), generator=seeded(0))
+    pairs = synthetic_pairs(batch, max(n, m), generator=seeded(0))
     return pairs.source[:, :n], pairs.target[:, :m]
 
 
@@ -190,7 +190,7 @@ def test_a_learned_method_sees_both_clouds_and_a_diffused_one_follows_its_genera
 def test_a_learned_method_registers_without_a_gradient_and_its_loss_reaches_all_weights(
     name: str,
 ) -> None:
-    method, pairs = make_method(name), made_up_pairs(3, 64, generator=seeded(0))
+    method, pairs = make_method(name), synthetic_pairs(3, 64, generator=seeded(0))
     assert isinstance(method, LearnedMethod)
     answer = method.register(pairs.source, pairs.target, generator=seeded(1))
     assert not answer.requires_grad
@@ -205,7 +205,7 @@ def test_a_learned_method_registers_without_a_gradient_and_its_loss_reaches_all_
 
 @every_learned_method
 def test_the_loss_of_a_learned_method_follows_its_generator(name: str) -> None:
-    method, pairs = make_method(name), made_up_pairs(3, 64, generator=seeded(0))
+    method, pairs = make_method(name), synthetic_pairs(3, 64, generator=seeded(0))
     assert isinstance(method, LearnedMethod)
     first, again, other = (method.loss(pairs, generator=seeded(k)) for k in (1, 1, 2))
     assert {k: v.item() for k, v in first.items()} == {k: v.item() for k, v in again.items()}
@@ -215,7 +215,7 @@ def test_the_loss_of_a_learned_method_follows_its_generator(name: str) -> None:
 
 @pytest.mark.parametrize("name", FOLLOW_ANY_MOTION)
 def test_the_answer_follows_any_motion_of_the_target(name: str) -> None:
-    pairs = made_up_pairs(3, 200, generator=seeded(4))
+    pairs = synthetic_pairs(3, 200, generator=seeded(4))
     A = random_poses(3, generator=seeded(5))
     moved = transform(A, pairs.target.double()).float()
     answer = make_method(name).register(pairs.source, pairs.target, generator=seeded(1))
@@ -246,7 +246,7 @@ def test_the_answer_follows_a_shift_of_the_target_unless_its_place_is_what_is_re
     ],
 )
 def test_solves_exact_copies(name: str, points: int, degrees: float, length: float) -> None:
-    pairs = made_up_pairs(4, points, generator=seeded(0))
+    pairs = synthetic_pairs(4, points, generator=seeded(0))
     answer = make_method(name).register(pairs.source, pairs.target, generator=seeded(0))
     assert error_r_deg(answer, pairs.T_target_source).max() < degrees
     assert error_t(answer, pairs.T_target_source).max() < length
@@ -254,7 +254,7 @@ def test_solves_exact_copies(name: str, points: int, degrees: float, length: flo
 
 @pytest.mark.parametrize("name", GLOBAL)
 def test_the_answer_on_dense_copies_follows_any_motion_of_the_target_closely(name: str) -> None:
-    pairs = made_up_pairs(3, 512, generator=seeded(1))
+    pairs = synthetic_pairs(3, 512, generator=seeded(1))
     source, target = pairs.source.double(), pairs.target.double()
     A = random_poses(3, generator=seeded(2))
     method = make_method(name)
@@ -266,7 +266,7 @@ def test_the_answer_on_dense_copies_follows_any_motion_of_the_target_closely(nam
 
 @pytest.mark.parametrize("name", ["fgr", "small_gicp"])
 def test_the_generator_decides_and_the_state_of_open3d_does_not(name: str) -> None:
-    pairs, method = made_up_pairs(1, 200, generator=seeded(3)), make_method(name)
+    pairs, method = synthetic_pairs(1, 200, generator=seeded(3)), make_method(name)
     generator = seeded(0)
     first = method.register(pairs.source, pairs.target, generator=generator)
     method.register(pairs.source, pairs.target, generator=generator)
@@ -276,7 +276,7 @@ def test_the_generator_decides_and_the_state_of_open3d_does_not(name: str) -> No
 
 @pytest.mark.parametrize("name", FROM_THE_CENTROIDS)
 def test_a_translation_however_long_is_seen_through(name: str) -> None:
-    pairs = made_up_pairs(3, 200, generator=seeded(1))
+    pairs = synthetic_pairs(3, 200, generator=seeded(1))
     source, target = pairs.source.double(), pairs.target.double()
     shift = small_pose(0, (70.0, -40.0, 10.0)).expand(3, 4, 4)
     method = make_method(name)
@@ -287,7 +287,7 @@ def test_a_translation_however_long_is_seen_through(name: str) -> None:
 
 @pytest.mark.parametrize("name", FROM_THE_CENTROIDS)
 def test_the_answer_follows_when_both_clouds_move_together(name: str) -> None:
-    pairs = made_up_pairs(3, 200, generator=seeded(3))
+    pairs = synthetic_pairs(3, 200, generator=seeded(3))
     source, target = pairs.source.double(), pairs.target.double()
     A = random_poses(3, generator=seeded(4))
     method = make_method(name)

@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from pcrdiff.geometry.rigid import from_parts
 from pcrdiff.methods.constant import Constant
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, random_poses, seeded, small_pose
+from tests.pcrdiff.synthetic_clouds import lopsided_clouds, random_poses, seeded, small_pose
 
 
 def answer(T_training: torch.Tensor, seed: int = 0) -> torch.Tensor:

@@ -5,7 +5,7 @@ from torch import Tensor, nn
 
 from pcrdiff.methods.dcp_v1 import DCPv1
 from pcrdiff.models.pointers import fit_pointers
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
 
 
 def make() -> DCPv1:
@@ -28,7 +28,7 @@ class Known(nn.Module):
 
 
 def test_features_that_tell_every_point_from_the_others_give_the_exact_pose() -> None:
-    pairs = made_up_pairs(3, 40, generator=seeded(0))
+    pairs = synthetic_pairs(3, 40, generator=seeded(0))
     gaps = torch.cdist(
         pairs.source @ pairs.T_target_source[:, :3, :3].float().mT
         + pairs.T_target_source[:, None, :3, 3].float(),
@@ -43,7 +43,7 @@ def test_features_that_tell_every_point_from_the_others_give_the_exact_pose() ->
 
 
 def test_registering_points_with_the_features_of_each_cloud_on_its_own() -> None:
-    method, pairs = make(), made_up_pairs(2, 30, generator=seeded(1))
+    method, pairs = make(), synthetic_pairs(2, 30, generator=seeded(1))
     answer = method.register(pairs.source, pairs.target, generator=seeded(0))
     features = method.encoder(pairs.source), method.encoder(pairs.target)
     torch.testing.assert_close(answer, fit_pointers(pairs.source, pairs.target, *features))

@@ -5,7 +5,7 @@ from torch import Tensor
 
 from pcrdiff.methods.dcp_v1 import DCPv1
 from pcrdiff.methods.dcp_v2 import DCPv2, Transformer
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
 
 
 def make() -> DCPv2:
@@ -21,7 +21,7 @@ def features() -> tuple[Tensor, Tensor]:
 def test_a_transformer_that_says_nothing_leaves_the_first_version() -> None:
     method, first = make(), DCPv1(feature_dim=32, neighbours=6)
     first.encoder.load_state_dict(method.encoder.state_dict())
-    pairs = made_up_pairs(2, 30, generator=seeded(0))
+    pairs = synthetic_pairs(2, 30, generator=seeded(0))
     clouds = pairs.source, pairs.target
     spoken = method.register(*clouds, generator=seeded(0))
     torch.nn.init.zeros_(method.transformer.norm_decoder.weight)
@@ -33,7 +33,7 @@ def test_a_transformer_that_says_nothing_leaves_the_first_version() -> None:
 def test_the_clouds_trade_places_in_one_shared_transformer() -> None:
     method, heard = make(), list[tuple[Tensor, Tensor]]()
     method.transformer.register_forward_pre_hook(lambda _, inputs: heard.append(inputs))
-    pairs = made_up_pairs(2, 30, generator=seeded(0))
+    pairs = synthetic_pairs(2, 30, generator=seeded(0))
     method.register(pairs.source, pairs.target, generator=seeded(0))
     (first, other), (second, one) = heard
     assert first is one
@@ -62,7 +62,7 @@ def test_the_transformer_hears_every_point_of_both_clouds() -> None:
 
 
 def test_training_and_evaluation_give_the_same_answer() -> None:
-    method, pairs = make(), made_up_pairs(2, 30, generator=seeded(0))
+    method, pairs = make(), synthetic_pairs(2, 30, generator=seeded(0))
     training = method.train().register(pairs.source, pairs.target, generator=seeded(0))
     evaluated = method.eval().register(pairs.source, pairs.target, generator=seeded(0))
     torch.testing.assert_close(evaluated, training, atol=1e-5, rtol=0)

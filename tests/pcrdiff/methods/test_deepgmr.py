@@ -8,7 +8,7 @@ from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import from_parts, invert, transform
 from pcrdiff.methods.deepgmr import DeepGMR, Mixture, align, align_differentiably
 from pcrdiff.registration import Pairs
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, made_up_pairs, random_poses, seeded
+from tests.pcrdiff.synthetic_clouds import lopsided_clouds, random_poses, seeded, synthetic_pairs
 
 
 def make_method() -> DeepGMR:
@@ -16,7 +16,9 @@ def make_method() -> DeepGMR:
     return DeepGMR(neighbours=8, feature_dim=32, components=8)
 
 
-def made_up_mixtures(components: int = 6, *, generator: torch.Generator) -> tuple[Mixture, Mixture]:
+def synthetic_mixtures(
+    components: int = 6, *, generator: torch.Generator
+) -> tuple[Mixture, Mixture]:
     """Two mixtures that have nothing to do with each other, in float64."""
 
     def mixture() -> Mixture:
@@ -45,7 +47,7 @@ def test_a_mixture_is_made_of_shares_means_and_variances() -> None:
 
 
 def test_a_component_that_no_point_belongs_to_does_no_harm() -> None:
-    method, pairs = make_method(), made_up_pairs(2, 50, generator=seeded(0))
+    method, pairs = make_method(), synthetic_pairs(2, 50, generator=seeded(0))
     with torch.no_grad():
         list(method.head.parameters())[-1][3] = -200.0
     terms = method.loss(pairs, generator=seeded(0))
@@ -61,7 +63,7 @@ def test_a_component_that_no_point_belongs_to_does_no_harm() -> None:
 
 
 def test_aligning_weighs_by_the_sources_shares_and_the_targets_variances() -> None:
-    source, target = made_up_mixtures(generator=seeded(0))
+    source, target = synthetic_mixtures(generator=seeded(0))
     T = align(source, target).detach()
 
     def cost(pose: Tensor) -> Tensor:
@@ -77,7 +79,7 @@ def test_aligning_weighs_by_the_sources_shares_and_the_targets_variances() -> No
 def test_the_gradient_of_the_alignment_is_that_of_its_svd() -> None:
     poses, gradients = [], []
     for way in (align, align_differentiably):
-        source, target = made_up_mixtures(generator=seeded(0))
+        source, target = synthetic_mixtures(generator=seeded(0))
         poses.append(way(source, target))
         weights = torch.randn(3, 4, 4, generator=seeded(2)).double()
         leaves = (source.shares, source.means, target.means, target.variances)
@@ -102,14 +104,14 @@ def test_the_gradient_is_finite_where_that_of_the_svd_is_not() -> None:
 
 
 def test_solves_exact_copies_before_any_training() -> None:
-    pairs = made_up_pairs(4, 200, generator=seeded(0))
+    pairs = synthetic_pairs(4, 200, generator=seeded(0))
     answer = make_method().register(pairs.source, pairs.target, generator=seeded(0))
     assert error_r_deg(answer.double(), pairs.T_target_source).max() < 0.1
     assert error_t(answer.double(), pairs.T_target_source).max() < 1e-3
 
 
 def test_the_answer_follows_any_motion_of_the_target() -> None:
-    pairs, other = (made_up_pairs(3, 200, generator=seeded(k)) for k in (1, 2))
+    pairs, other = (synthetic_pairs(3, 200, generator=seeded(k)) for k in (1, 2))
     method, A = make_method().double(), random_poses(3, generator=seeded(3))
     source, target = pairs.source.double(), other.target.double()  # no copies: nothing is exact
     answer = method.register(source, target, generator=seeded(0))
@@ -118,7 +120,7 @@ def test_the_answer_follows_any_motion_of_the_target() -> None:
 
 
 def test_there_and_back_are_compared_with_the_truth() -> None:
-    pairs = made_up_pairs(3, 100, generator=seeded(0))
+    pairs = synthetic_pairs(3, 100, generator=seeded(0))
     method = make_method()
     assert sum(method.loss(pairs, generator=seeded(0)).values()) < 1e-5
     wrong = Pairs(

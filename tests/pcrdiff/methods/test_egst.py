@@ -4,14 +4,14 @@ import torch
 from torch import Tensor
 
 from pcrdiff.methods.egst import EGST
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from tests.pcrdiff.methods.small_methods import make_cb, make_matching
+from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
 
 
 def test_one_update_of_centred_clouds_matches_as_cb_does_before_its_pose_encoder_has_learnt() -> (
     None
 ):
-    pairs, cb, egst = made_up_pairs(2, 40, generator=seeded(0)), make_cb(), make_matching(EGST)
+    pairs, cb, egst = synthetic_pairs(2, 40, generator=seeded(0)), make_cb(), make_matching(EGST)
     source = pairs.source - pairs.source.mean(dim=1, keepdim=True)
     target = pairs.target - pairs.target.mean(dim=1, keepdim=True)
     for name in ("embedding", "attention", "annealing"):
@@ -28,7 +28,7 @@ def test_one_update_of_centred_clouds_matches_as_cb_does_before_its_pose_encoder
 def test_the_clouds_trade_places_in_one_shared_attention() -> None:
     method, seen = make_matching(EGST), list[tuple[Tensor, Tensor]]()
     method.attention.register_forward_pre_hook(lambda _, inputs: seen.append(inputs))
-    pairs = made_up_pairs(2, 40, generator=seeded(0))
+    pairs = synthetic_pairs(2, 40, generator=seeded(0))
     method.align(pairs.source, pairs.target, 1)
     (first, other), (second, one) = seen
     assert first is one

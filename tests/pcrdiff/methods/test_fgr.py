@@ -8,12 +8,12 @@ import torch
 from pcrdiff.bindings.open3d_registration import registration
 from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.geometry.rigid import transform
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose
 from tests.pcrdiff.methods.small_methods import make_fgr
+from tests.pcrdiff.synthetic_clouds import seeded, small_pose, synthetic_pairs
 
 
 def test_refuses_clouds_without_three_matches() -> None:
-    triangle = made_up_pairs(1, 3, generator=seeded(4))
+    triangle = synthetic_pairs(1, 3, generator=seeded(4))
     with pytest.raises(ValueError, match=r"^fgr "):
         make_fgr().register(triangle.source, triangle.target, generator=seeded(0))
 
@@ -46,7 +46,10 @@ def test_the_shift_between_the_centroids_is_no_answer(plate: torch.Tensor, noise
 @pytest.mark.parametrize(
     ("source", "shift"),
     [(disc(512, 0.1), 0.0), (disc(512, 0.1, 0.02), 0.0)]
-    + [(made_up_pairs(1, 200, generator=seeded(3)).source[0], shift) for shift in (0.0, 0.3, 70.0)],
+    + [
+        (synthetic_pairs(1, 200, generator=seeded(3)).source[0], shift)
+        for shift in (0.0, 0.3, 70.0)
+    ],
 )
 def test_the_shift_is_one_where_it_lays_the_clouds_on_each_other(
     source: torch.Tensor, shift: float
@@ -68,7 +71,7 @@ def test_open3ds_documented_settings_but_for_the_three_that_are_lengths_and_coun
         return fit(*arguments)
 
     monkeypatch.setattr(registration, "registration_fgr_based_on_feature_matching", spy)
-    pairs = made_up_pairs(1, 200, generator=seeded(5))
+    pairs = synthetic_pairs(1, 200, generator=seeded(5))
     make_fgr().register(pairs.source, pairs.target, generator=seeded(0))
     (option,) = given
     assert (option.division_factor, option.decrease_mu) == (1.4, False)

@@ -8,20 +8,20 @@ from pcrdiff.bindings.open3d_registration import registration
 from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.methods.gicp import GICP
-from tests.pcrdiff.made_up_clouds import made_up_pairs, random_poses, seeded, small_pose
+from tests.pcrdiff.synthetic_clouds import random_poses, seeded, small_pose, synthetic_pairs
 
 METHOD = GICP(max_iterations=30, max_distance=0.5)
 
 
 def test_solves_exact_copies() -> None:
-    pairs = made_up_pairs(4, 300, generator=seeded(0))
+    pairs = synthetic_pairs(4, 300, generator=seeded(0))
     answer = METHOD.register(pairs.source, pairs.target, generator=seeded(0))
     assert error_r_deg(answer, pairs.T_target_source).max() < 0.05
     assert error_t(answer, pairs.T_target_source).max() < 1e-3
 
 
 def test_a_translation_however_long_is_seen_through() -> None:
-    pairs = made_up_pairs(3, 200, generator=seeded(1))
+    pairs = synthetic_pairs(3, 200, generator=seeded(1))
     source, target = pairs.source.double(), pairs.target.double()
     shift = small_pose(0, (70.0, -40.0, 10.0)).expand(3, 4, 4)
     answer = METHOD.register(source, target, generator=seeded(0))
@@ -30,7 +30,7 @@ def test_a_translation_however_long_is_seen_through() -> None:
 
 
 def test_the_answer_follows_when_both_clouds_move_together() -> None:
-    pairs = made_up_pairs(3, 200, generator=seeded(2))
+    pairs = synthetic_pairs(3, 200, generator=seeded(2))
     source, target = pairs.source.double(), pairs.target.double()
     A = random_poses(3, generator=seeded(3))
     answer = METHOD.register(source, target, generator=seeded(0))
@@ -41,7 +41,7 @@ def test_the_answer_follows_when_both_clouds_move_together() -> None:
 
 
 def test_leaves_open3ds_threads_as_they_were_and_answers_alike_each_time() -> None:
-    pairs = made_up_pairs(1, 2000, generator=seeded(4))
+    pairs = synthetic_pairs(1, 2000, generator=seeded(4))
     threads = open3d.utility.get_max_threads()
     answers = [METHOD.register(pairs.source, pairs.target, generator=seeded(0)) for _ in range(5)]
     assert all(torch.equal(answer, answers[0]) for answer in answers)
@@ -49,7 +49,7 @@ def test_leaves_open3ds_threads_as_they_were_and_answers_alike_each_time() -> No
 
 
 def test_refuses_clouds_of_which_no_two_points_are_within_reach() -> None:
-    pairs = made_up_pairs(1, 50, generator=seeded(5))
+    pairs = synthetic_pairs(1, 50, generator=seeded(5))
     ring = 100 * torch.nn.functional.normalize(pairs.target - pairs.target.mean(dim=1), dim=-1)
     with pytest.raises(
         ValueError, match=r"^gicp needs points within 0\.5 of each other where it ends, got none"

@@ -6,7 +6,7 @@ import torch
 from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.methods.icp import ICP
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, random_poses, seeded, small_pose
+from tests.pcrdiff.synthetic_clouds import lopsided_clouds, random_poses, seeded, small_pose
 
 
 def near_copies(angle_deg: float = 5.0) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:

@@ -11,13 +11,13 @@ from pcrdiff.bindings.kiss_matcher import kiss_match
 from pcrdiff.evaluation import evaluate
 from pcrdiff.methods.kiss_matcher import KISSMatcher
 from pcrdiff.registration import Pairs
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
 
 METHOD = KISSMatcher(voxel_size=0.05, timeout=60.0)
 
 
 def test_answers_alike_each_time_also_from_new_children() -> None:
-    pairs = made_up_pairs(2, 512, generator=seeded(3))
+    pairs = synthetic_pairs(2, 512, generator=seeded(3))
     noisy = pairs.target + 0.01 * torch.randn(pairs.target.shape, generator=seeded(4))
     answers = [
         method.register(pairs.source, noisy, generator=seeded(k))
@@ -27,7 +27,7 @@ def test_answers_alike_each_time_also_from_new_children() -> None:
 
 
 def test_a_pair_that_ends_the_process_fails_alone() -> None:
-    good = made_up_pairs(2, 512, generator=seeded(5))
+    good = synthetic_pairs(2, 512, generator=seeded(5))
     sparse = good.source.clone()
     sparse[1] *= 100  # no point has a neighbour, so none a feature: the library dies of it
     answers = evaluate(
@@ -47,7 +47,7 @@ def test_a_pair_that_ends_the_process_fails_alone() -> None:
 
 
 def test_refuses_clouds_without_three_matches_that_agree() -> None:
-    pairs = made_up_pairs(1, 512, generator=seeded(6))
+    pairs = synthetic_pairs(1, 512, generator=seeded(6))
     other = torch.rand(1, 512, 3, generator=seeded(7))
     with pytest.raises(ValueError, match=r"^kiss_matcher needs 3 matches that agree, got [012]$"):
         KISSMatcher(0.03, 60.0).register(pairs.source, other, generator=seeded(0))
@@ -63,7 +63,7 @@ def test_the_settings_are_the_librarys_own_but_for_the_voxels(
         return make(config)
 
     monkeypatch.setattr(kiss_matcher, "KISSMatcher", listen)
-    pairs = made_up_pairs(1, 512, generator=seeded(0))
+    pairs = synthetic_pairs(1, 512, generator=seeded(0))
     kiss_match(pairs.source[0].numpy(), pairs.target[0].numpy(), 0.05)
     default = kiss_matcher.KISSMatcherConfig(voxel_size=0.05)
     names = {name for name in dir(default) if not name.startswith("_")} - {"use_voxel_sampling"}

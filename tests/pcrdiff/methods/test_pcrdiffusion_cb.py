@@ -11,8 +11,8 @@ from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.models.matching import Matchable
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose, true_matches
 from tests.pcrdiff.methods.small_methods import WALK, make_cb
+from tests.pcrdiff.synthetic_clouds import seeded, small_pose, synthetic_pairs, true_matches
 
 
 def match(method: PCRDiffusionCB, x_t: Tensor, t: Tensor, encoded: Matchable) -> Tensor:
@@ -20,7 +20,7 @@ def match(method: PCRDiffusionCB, x_t: Tensor, t: Tensor, encoded: Matchable) ->
 
 
 def test_matches_have_a_row_a_source_point_and_a_column_a_target_point() -> None:
-    method, pairs = make_cb(), made_up_pairs(2, 40, generator=seeded(2))
+    method, pairs = make_cb(), synthetic_pairs(2, 40, generator=seeded(2))
     source, target = pairs.source[:, :30], pairs.target
     x_t, t = torch.randn(2, 7, generator=seeded(3)), torch.tensor([3, 17])
     rows = torch.randperm(30, generator=seeded(4))
@@ -32,7 +32,7 @@ def test_matches_have_a_row_a_source_point_and_a_column_a_target_point() -> None
 
 
 def test_the_noisy_pose_and_its_time_reach_the_matches() -> None:
-    method, pairs = make_cb(), made_up_pairs(1, 40, generator=seeded(2))
+    method, pairs = make_cb(), synthetic_pairs(1, 40, generator=seeded(2))
     clouds = method.encode(pairs.source, pairs.target)
     x_t = torch.randn(1, 7, generator=seeded(3))
     matches = match(method, x_t, torch.tensor([3]), clouds)
@@ -41,7 +41,7 @@ def test_the_noisy_pose_and_its_time_reach_the_matches() -> None:
 
 
 def test_features_do_not_know_where_a_cloud_lies() -> None:
-    method, pairs = make_cb().double(), made_up_pairs(2, 40, generator=seeded(2))
+    method, pairs = make_cb().double(), synthetic_pairs(2, 40, generator=seeded(2))
     source, target = pairs.source.double(), pairs.target.double()
     shift = small_pose(0, (3.0, -2.0, 1.0)).expand(2, 4, 4)
     here, there = method.encode(source, target), method.encode(transform(shift, source), target)
@@ -55,14 +55,14 @@ def test_describes_each_cloud_once_whatever_the_steps(steps: int) -> None:
     embedded: list[Tensor] = []
     method.embedding.register_forward_pre_hook(lambda _, inputs: embedded.append(inputs[0]))
     method.pose_encoder.register_forward_pre_hook(lambda _, x: times.append(int(x[1][0])))
-    pairs = made_up_pairs(1, 40, generator=seeded(2))
+    pairs = synthetic_pairs(1, 40, generator=seeded(2))
     method.register(pairs.source, pairs.target, generator=seeded(6))
     assert len(embedded) == 2
     assert times == [20, 15, 10, 5][:steps]
 
 
 def test_refuses_fewer_points_than_neighbours() -> None:
-    pairs = made_up_pairs(1, 40, generator=seeded(2))
+    pairs = synthetic_pairs(1, 40, generator=seeded(2))
     with pytest.raises(
         ValueError, match="needs at least 6 distinct points, got a target cloud of 5"
     ):
@@ -72,7 +72,7 @@ def test_refuses_fewer_points_than_neighbours() -> None:
 def test_the_right_pose_has_no_point_loss_and_inliers_weigh_a_hundredth(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    pairs = made_up_pairs(2, 40, generator=seeded(0))
+    pairs = synthetic_pairs(2, 40, generator=seeded(0))
     matches = 0.5 * true_matches(pairs)
     method = make_cb()
     monkeypatch.setattr(Matchable, "matches", lambda *_: matches)
@@ -108,7 +108,7 @@ def test_a_training_step_keeps_what_the_formula_says(
     batch: int, n: int, m: int, k: int, dim: int
 ) -> None:
     method = PCRDiffusionCB(WALK, dim, k, 0.4, 5, "quaternion", "raw", "with")
-    pairs = made_up_pairs(batch, max(n, m), generator=seeded(6))
+    pairs = synthetic_pairs(batch, max(n, m), generator=seeded(6))
     pairs = replace(pairs, source=pairs.source[:, :n], target=pairs.target[:, :m])
     weights = [*method.parameters()]
     step = kept_bytes(lambda: method.loss(pairs, generator=seeded(7)), weights)

@@ -8,8 +8,8 @@ from pcrdiff.diffusion.sampling import Walk, sample
 from pcrdiff.geometry.rigid import from_pose_vector, pose_vector, transform
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.models.losses import chamfer_loss, diffusion_loss, pose_loss
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
 from tests.pcrdiff.methods.small_methods import make_cf
+from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
 
 
 class Told(PCRDiffusionCF):
@@ -30,7 +30,7 @@ class Told(PCRDiffusionCF):
 
 
 def test_the_losses_are_those_of_equations_15_to_17() -> None:
-    pairs = made_up_pairs(3, 30, generator=seeded(0))
+    pairs = synthetic_pairs(3, 30, generator=seeded(0))
     truth = pose_vector(pairs.T_target_source).float()
     prediction = truth + 0.1 * torch.randn(3, 7, generator=seeded(1))
     terms = Told(prediction).loss(pairs, generator=seeded(2))
@@ -43,13 +43,13 @@ def test_the_losses_are_those_of_equations_15_to_17() -> None:
 
 
 def test_the_right_answer_has_no_loss() -> None:
-    pairs = made_up_pairs(3, 30, generator=seeded(0))
+    pairs = synthetic_pairs(3, 30, generator=seeded(0))
     terms = Told(pose_vector(pairs.T_target_source).float()).loss(pairs, generator=seeded(2))
     assert sum(terms.values()) < 1e-5
 
 
 def test_denoises_once_a_step_of_the_walk() -> None:
-    pairs = made_up_pairs(2, 30, generator=seeded(0))
+    pairs = synthetic_pairs(2, 30, generator=seeded(0))
     method = Told(pose_vector(pairs.T_target_source).float())
     answer = method.register(pairs.source, pairs.target, generator=seeded(3))
     assert method.times == [[20, 20], [15, 15], [10, 10], [5, 5]]
@@ -60,7 +60,7 @@ def test_denoises_once_a_step_of_the_walk() -> None:
 def test_encodes_each_cloud_once_whatever_the_steps(steps: int) -> None:
     method, encoded = make_cf(Walk(20, steps, "ddim")), list[Tensor]()
     method.encoder.register_forward_pre_hook(lambda _, inputs: encoded.append(inputs[0]))
-    pairs = made_up_pairs(2, 30, generator=seeded(0))
+    pairs = synthetic_pairs(2, 30, generator=seeded(0))
     method.register(pairs.source, pairs.target, generator=seeded(3))
     assert [
         points is cloud for points, cloud in zip(encoded, (pairs.source, pairs.target), strict=True)
@@ -68,7 +68,7 @@ def test_encodes_each_cloud_once_whatever_the_steps(steps: int) -> None:
 
 
 def test_registering_is_algorithm_2_over_its_decoder() -> None:
-    method, pairs = make_cf(), made_up_pairs(2, 30, generator=seeded(0))
+    method, pairs = make_cf(), synthetic_pairs(2, 30, generator=seeded(0))
     with torch.no_grad():
         features = method.encoder(pairs.source), method.encoder(pairs.target)
         (vector,) = sample(

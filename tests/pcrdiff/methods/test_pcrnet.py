@@ -9,7 +9,7 @@ from pcrdiff.geometry.rigid import from_parts, invert, pose_vector, transform
 from pcrdiff.methods.pcrnet import PCRNet
 from pcrdiff.models.losses import nearest_distance
 from pcrdiff.registration import Pairs
-from tests.pcrdiff.made_up_clouds import made_up_pairs, random_poses, seeded, small_pose
+from tests.pcrdiff.synthetic_clouds import random_poses, seeded, small_pose, synthetic_pairs
 
 
 def make_method(updates: int = 3, train_updates: int = 2, probes: int = 1000) -> PCRNet:
@@ -30,7 +30,7 @@ class Told(PCRNet):
 
 def test_the_pose_is_put_together_from_the_steps_about_the_means() -> None:
     pairs, steps = (
-        made_up_pairs(2, 40, generator=seeded(0)),
+        synthetic_pairs(2, 40, generator=seeded(0)),
         random_poses(3, 2, generator=seeded(1)),
     )
     answer = Told(steps).register(pairs.source, pairs.target, generator=seeded(0)).double()
@@ -44,7 +44,7 @@ def test_the_pose_is_put_together_from_the_steps_about_the_means() -> None:
 
 def test_shows_the_target_once_and_the_source_where_the_last_step_has_moved_it() -> None:
     pairs, steps = (
-        made_up_pairs(2, 40, generator=seeded(0)),
+        synthetic_pairs(2, 40, generator=seeded(0)),
         random_poses(3, 2, generator=seeded(1)),
     )
     method = Told(steps)
@@ -59,7 +59,7 @@ def test_shows_the_target_once_and_the_source_where_the_last_step_has_moved_it()
 
 
 def test_the_answer_follows_any_shift_of_either_cloud() -> None:
-    pairs, method = made_up_pairs(2, 40, generator=seeded(0)), make_method().double()
+    pairs, method = synthetic_pairs(2, 40, generator=seeded(0)), make_method().double()
     source, target = pairs.source.double(), pairs.target.double()
     shifts = torch.randn(2, 2, 3, generator=seeded(1), dtype=torch.float64)
     A, B = (from_parts(torch.eye(3).double().expand(2, 3, 3), shift) for shift in shifts)
@@ -69,7 +69,7 @@ def test_the_answer_follows_any_shift_of_either_cloud() -> None:
 
 
 def test_the_answer_is_as_rigid_after_many_updates() -> None:
-    pairs = made_up_pairs(4, 40, generator=seeded(0))
+    pairs = synthetic_pairs(4, 40, generator=seeded(0))
     R = make_method(updates=50).register(pairs.source, pairs.target, generator=seeded(0))[:, :3, :3]
     eye = torch.eye(3, dtype=torch.float64).expand(4, 3, 3)
     torch.testing.assert_close(R.double() @ R.double().mT, eye, atol=5e-7, rtol=0)
@@ -83,7 +83,7 @@ def mean_distance(a: Tensor, b: Tensor) -> float:
 
 
 def test_the_loss_is_the_distance_after_each_step() -> None:
-    pairs = made_up_pairs(2, 40, generator=seeded(0))
+    pairs = synthetic_pairs(2, 40, generator=seeded(0))
     steps = torch.stack([small_pose(30, (0.1, 0, 0)), small_pose(-10, (0, 0.2, 0))])
     steps = steps.unsqueeze(1).expand(2, 2, 4, 4)
     terms = Told(steps).loss(pairs, generator=seeded(0))
@@ -97,14 +97,14 @@ def test_the_loss_is_the_distance_after_each_step() -> None:
 
 
 def test_the_loss_does_not_look_at_the_truth() -> None:
-    pairs, method = made_up_pairs(2, 40, generator=seeded(0)), make_method()
+    pairs, method = synthetic_pairs(2, 40, generator=seeded(0)), make_method()
     other = random_poses(2, generator=seeded(1))
     lied = Pairs(pairs.source, pairs.target, other, pairs.item, pairs.group)
     assert method.loss(lied, generator=seeded(0)) == method.loss(pairs, generator=seeded(0))
 
 
 def test_probes_are_drawn_from_the_generator_and_ask_for_the_whole_on_average() -> None:
-    pairs = made_up_pairs(2, 40, generator=seeded(0))
+    pairs = synthetic_pairs(2, 40, generator=seeded(0))
     whole = make_method().loss(pairs, generator=seeded(0))["distance"].item()
     few, g = make_method(probes=10), seeded(1)
     drawn = [few.loss(pairs, generator=g)["distance"].item() for _ in range(100)]
@@ -114,7 +114,7 @@ def test_probes_are_drawn_from_the_generator_and_ask_for_the_whole_on_average() 
 
 
 def test_a_step_is_trained_from_where_it_starts_and_not_through_the_steps_before() -> None:
-    pairs, method = made_up_pairs(2, 40, generator=seeded(0)), make_method(train_updates=2)
+    pairs, method = synthetic_pairs(2, 40, generator=seeded(0)), make_method(train_updates=2)
     parameters = list(method.parameters())
     ours = torch.autograd.grad(method.loss(pairs, generator=seeded(0))["distance"], parameters)
     source, target = (cloud - cloud.mean(1, keepdim=True) for cloud in (pairs.source, pairs.target))
@@ -132,7 +132,7 @@ def test_a_step_is_trained_from_where_it_starts_and_not_through_the_steps_before
 
 
 def test_learns_to_turn_one_cloud() -> None:
-    pairs = made_up_pairs(4, 60, generator=seeded(0))
+    pairs = synthetic_pairs(4, 60, generator=seeded(0))
     method = make_method(train_updates=2, probes=30)
     optimizer = torch.optim.Adam(method.parameters(), lr=1e-3)
     g, losses = seeded(1), list[float]()
@@ -146,14 +146,14 @@ def test_learns_to_turn_one_cloud() -> None:
 
 
 def test_a_fresh_network_moves_little() -> None:
-    pairs = made_up_pairs(4, 40, generator=seeded(0))
+    pairs = synthetic_pairs(4, 40, generator=seeded(0))
     answer = make_method(updates=1).register(pairs.source, pairs.source, generator=seeded(0))
     eye = torch.eye(4, dtype=torch.float64).expand(4, 4, 4)
     assert error_r_deg(answer.double(), eye).max() < 15
 
 
 def test_the_distance_of_clouds_that_coincide_has_a_finite_gradient() -> None:
-    cloud = made_up_pairs(2, 40, generator=seeded(0)).source.requires_grad_()
+    cloud = synthetic_pairs(2, 40, generator=seeded(0)).source.requires_grad_()
     distance = nearest_distance(cloud, cloud.detach())
     (gradient,) = torch.autograd.grad(distance, cloud)
     assert distance < 2e-4

@@ -14,12 +14,12 @@ from pcrdiff.methods.pointnetlk import PointNetLK
 from pcrdiff.models.losses import pose_loss
 from pcrdiff.models.lucas_kanade import align
 from pcrdiff.registration import Pairs
-from tests.pcrdiff.made_up_clouds import (
+from tests.pcrdiff.synthetic_clouds import (
     lopsided_clouds,
-    made_up_pairs,
     random_poses,
     seeded,
     small_pose,
+    synthetic_pairs,
 )
 
 
@@ -44,14 +44,14 @@ def scale_features(method: PointNetLK, factor: float) -> None:
 
 
 def test_solves_exact_copies_even_untrained() -> None:
-    pairs = made_up_pairs(4, 256, generator=seeded(0))
+    pairs = synthetic_pairs(4, 256, generator=seeded(0))
     answer = make().register(pairs.source, pairs.target, generator=seeded(0)).double()
     assert error_r_deg(answer, pairs.T_target_source).median() < 0.1
     assert error_t(answer, pairs.T_target_source).median() < 1e-3
 
 
 def test_the_loss_is_that_of_the_pose_after_each_update_of_training() -> None:
-    pairs, method = made_up_pairs(3, 50, generator=seeded(0)), make(train_updates=3, updates=1)
+    pairs, method = synthetic_pairs(3, 50, generator=seeded(0)), make(train_updates=3, updates=1)
     poses = align(method.encoder, pairs.source, pairs.target, 0.1, 3)
     wanted = sum(pose_loss(T, pairs.T_target_source).item() for T in poses) / 3
     terms = method.loss(pairs, generator=seeded(0))

@@ -8,7 +8,7 @@ import torch
 from pcrdiff.bindings.open3d import open3d
 from pcrdiff.bindings.open3d_registration import registration
 from pcrdiff.methods.ransac_fpfh import RansacFPFH
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
 
 METHOD = RansacFPFH(
     max_distance=0.025, feature_radius=0.3, feature_neighbours=128, normal_radius=0.2
@@ -16,7 +16,7 @@ METHOD = RansacFPFH(
 
 
 def test_the_generator_decides_and_neither_open3ds_own_state_nor_its_threads_do() -> None:
-    pairs = made_up_pairs(1, 300, generator=seeded(3))
+    pairs = synthetic_pairs(1, 300, generator=seeded(3))
     source = pairs.source
     target = pairs.target + 0.01 * torch.randn(pairs.target.shape, generator=seeded(4))
     threads = open3d.utility.get_max_threads()
@@ -30,7 +30,7 @@ def test_the_generator_decides_and_neither_open3ds_own_state_nor_its_threads_do(
 
 
 def test_refuses_clouds_without_three_matches() -> None:
-    triangle = made_up_pairs(1, 3, generator=seeded(4))
+    triangle = synthetic_pairs(1, 3, generator=seeded(4))
     with pytest.raises(ValueError, match=r"^ransac_fpfh needs 3 matches within 0\.025, got "):
         METHOD.register(triangle.source, 9 * triangle.target, generator=seeded(0))
 
@@ -45,7 +45,7 @@ def test_the_settings_are_open3ds_own(monkeypatch: pytest.MonkeyPatch) -> None:
         return call(*clouds, **settings)
 
     monkeypatch.setattr(registration, name, listen)
-    pairs = made_up_pairs(1, 200, generator=seeded(0))
+    pairs = synthetic_pairs(1, 200, generator=seeded(0))
     METHOD.register(pairs.source, pairs.target, generator=seeded(0))
     criteria, default = given["criteria"], registration.RANSACConvergenceCriteria()
     assert criteria.max_iteration == default.max_iteration == 100_000

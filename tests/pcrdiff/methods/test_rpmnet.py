@@ -5,8 +5,8 @@ import torch
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.rpmnet import RPMNet
 from pcrdiff.models.structure import move
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, random_poses, seeded
 from tests.pcrdiff.methods.small_methods import make_matching
+from tests.pcrdiff.synthetic_clouds import lopsided_clouds, random_poses, seeded
 
 
 def test_features_have_unit_length_and_see_a_motion_in_the_descriptors() -> None:

@@ -7,7 +7,7 @@ import small_gicp
 import torch
 
 from pcrdiff.methods.small_gicp import SmallGICP
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
 
 METHOD = SmallGICP(
     max_iterations=20,
@@ -19,7 +19,7 @@ METHOD = SmallGICP(
 
 
 def test_refuses_clouds_that_the_start_finds_no_three_matches_in() -> None:
-    triangle = made_up_pairs(1, 3, generator=seeded(4))
+    triangle = synthetic_pairs(1, 3, generator=seeded(4))
     with pytest.raises(ValueError, match=r"^\w+ needs 3 matches within 0\.05, got "):
         METHOD.register(triangle.source, 9 * triangle.target, generator=seeded(0))
 
@@ -28,7 +28,7 @@ def test_refuses_clouds_that_the_start_finds_no_three_matches_in() -> None:
 def test_the_start_is_no_answer_where_the_library_does_not_improve_it(
     matched: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pairs = made_up_pairs(1, 200, generator=seeded(3))
+    pairs = synthetic_pairs(1, 200, generator=seeded(3))
     start = torch.eye(4, dtype=torch.float64)
     start[0, 3] = 50.0
     if matched == "one point":
@@ -44,7 +44,7 @@ def test_a_start_that_no_step_was_taken_from_is_no_answer(monkeypatch: pytest.Mo
         return SimpleNamespace(converged=False, T_target_source=given["init_T_target_source"])
 
     monkeypatch.setattr(small_gicp, "align", give_up)
-    pairs = made_up_pairs(1, 200, generator=seeded(3))
+    pairs = synthetic_pairs(1, 200, generator=seeded(3))
     noisy = pairs.target + 0.002 * torch.randn(pairs.target.shape, generator=seeded(4))
     with pytest.raises(ValueError, match=r"^small_gicp needs a step that brings the clouds nearer"):
         METHOD.register(pairs.source, noisy, generator=seeded(0))

@@ -6,13 +6,13 @@ from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.icp_centroid import ICPCentroid
 from pcrdiff.methods.trimmed_icp import TrimmedICP
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose
+from tests.pcrdiff.synthetic_clouds import seeded, small_pose, synthetic_pairs
 
 METHOD = TrimmedICP(max_iterations=100)
 
 
 def test_finds_the_share_that_overlaps_where_icp_is_pulled_away() -> None:
-    pairs = made_up_pairs(3, 400, generator=seeded(4))
+    pairs = synthetic_pairs(3, 400, generator=seeded(4))
     target = pairs.source.double()
     order = target[..., 0].argsort(dim=-1)[:, 100:]  # a quarter is cut off at one end
     target = target.gather(1, order[..., None].expand(-1, -1, 3))
@@ -25,7 +25,7 @@ def test_finds_the_share_that_overlaps_where_icp_is_pulled_away() -> None:
 
 
 def test_draws_nothing() -> None:
-    pairs = made_up_pairs(1, 100, generator=seeded(5))
+    pairs = synthetic_pairs(1, 100, generator=seeded(5))
     first, second = (
         METHOD.register(pairs.source, pairs.target, generator=seeded(k)) for k in (0, 1)
     )

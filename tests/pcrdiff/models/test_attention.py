@@ -5,7 +5,7 @@ import torch
 from torch import Tensor
 
 from pcrdiff.models.attention import CrossCloudAttention
-from tests.pcrdiff.made_up_clouds import seeded
+from tests.pcrdiff.synthetic_clouds import seeded
 
 
 def make(dim: int = 16, heads: int = 4) -> CrossCloudAttention:

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.models.dgcnn import DGCNN
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, seeded, small_pose
+from tests.pcrdiff.synthetic_clouds import lopsided_clouds, seeded, small_pose
 
 K = 5
 

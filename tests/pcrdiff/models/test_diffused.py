@@ -8,18 +8,18 @@ from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.geometry.rigid import pose_vector, transform
 from pcrdiff.models.diffused import DiffusedMethod, best_fit, misfit
 from pcrdiff.registration import Pairs
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose
+from tests.pcrdiff.synthetic_clouds import seeded, small_pose, synthetic_pairs
 
 
 def test_the_truth_fits_exact_copies_and_another_pose_does_not() -> None:
-    pairs = made_up_pairs(3, 60, generator=seeded(0))
+    pairs = synthetic_pairs(3, 60, generator=seeded(0))
     truth = pairs.T_target_source.float()
     assert (misfit(transform(truth, pairs.source), pairs.target) < 1e-3).all()
     assert (misfit(pairs.source, pairs.target) > 0.02).all()
 
 
 def test_what_only_one_cloud_shows_does_not_spoil_the_fit() -> None:
-    cloud = made_up_pairs(1, 200, generator=seeded(1)).source
+    cloud = synthetic_pairs(1, 200, generator=seeded(1)).source
     part = cloud[:, cloud[0, :, 0] > cloud[0, :, 0].quantile(0.4)]
     assert misfit(part, cloud).item() < 1e-6
 
@@ -30,7 +30,7 @@ def test_the_fit_is_the_same_either_way_round() -> None:
 
 
 def test_each_pair_gets_its_own_best_answer() -> None:
-    pairs = made_up_pairs(3, 60, generator=seeded(0))
+    pairs = synthetic_pairs(3, 60, generator=seeded(0))
     truth = pairs.T_target_source.float()
     off = small_pose(20, (0.2, 0.0, 0.1)).float() @ truth
     answers = [off, truth.clone(), off.clone()]
@@ -64,7 +64,7 @@ class ByTheStart(DiffusedMethod[None]):
 
 @pytest.mark.parametrize("hypotheses", [1, 8])
 def test_of_several_walks_the_best_fitting_is_kept(hypotheses: int) -> None:
-    pairs = made_up_pairs(1, 60, generator=seeded(0))
+    pairs = synthetic_pairs(1, 60, generator=seeded(0))
     truth = pairs.T_target_source.float()
     method = ByTheStart(truth, Walk(50, 1, "ddpm", hypotheses))
     answer = method.register(pairs.source, pairs.target, generator=seeded(3))
@@ -74,7 +74,7 @@ def test_of_several_walks_the_best_fitting_is_kept(hypotheses: int) -> None:
 
 
 def test_the_answer_is_the_pose_of_the_last_prediction() -> None:
-    pairs = made_up_pairs(1, 60, generator=seeded(0))
+    pairs = synthetic_pairs(1, 60, generator=seeded(0))
     truth = pairs.T_target_source.float()
     method = ByTheStart(truth, Walk(50, 3, "ddim"))
     answer = method.register(pairs.source, pairs.target, generator=seeded(6))
@@ -83,7 +83,7 @@ def test_the_answer_is_the_pose_of_the_last_prediction() -> None:
 
 
 def test_another_walk_than_its_own_is_followed_from_what_is_encoded() -> None:
-    pairs = made_up_pairs(1, 60, generator=seeded(0))
+    pairs = synthetic_pairs(1, 60, generator=seeded(0))
     method = ByTheStart(pairs.T_target_source.float(), Walk(50, 1, "ddim"))
     clouds, longer = (pairs.source, pairs.target), Walk(50, 4, "ddim")
     answer = method.walk_back(None, *clouds, longer, generator=seeded(7))
@@ -93,7 +93,7 @@ def test_another_walk_than_its_own_is_followed_from_what_is_encoded() -> None:
 
 
 def test_training_corrupts_the_true_pose_to_a_time_of_the_schedule() -> None:
-    pairs = made_up_pairs(3, 20, generator=seeded(0))
+    pairs = synthetic_pairs(3, 20, generator=seeded(0))
     method = ByTheStart(pairs.T_target_source.float(), Walk(50, 1, "ddim"))
     x_0, x_t, t = method.corrupt(pairs, generator=seeded(8))
     torch.testing.assert_close(x_0, pose_vector(pairs.T_target_source).float())

@@ -6,7 +6,7 @@ from torch import Tensor, nn
 
 from pcrdiff.models import edge_mlp
 from pcrdiff.models.edge_mlp import pool_edges
-from tests.pcrdiff.made_up_clouds import seeded
+from tests.pcrdiff.synthetic_clouds import seeded
 
 Pooled = tuple[int, ...]
 POOLED: list[Pooled] = [(2,), (0, 2), (0, 1, 2)]

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.models.invariants import describe_invariantly
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, random_poses, seeded
+from tests.pcrdiff.synthetic_clouds import lopsided_clouds, random_poses, seeded
 
 
 def lattice() -> Tensor:

@@ -16,7 +16,7 @@ from pcrdiff.models.losses import (
     rotation_loss,
     translation_loss,
 )
-from tests.pcrdiff.made_up_clouds import random_poses, seeded, small_pose
+from tests.pcrdiff.synthetic_clouds import random_poses, seeded, small_pose
 
 
 def clouds(n: int = 30, m: int = 40) -> tuple[torch.Tensor, torch.Tensor]:

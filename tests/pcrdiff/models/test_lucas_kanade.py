@@ -14,7 +14,7 @@ from pcrdiff.geometry.twist import exp_twist
 from pcrdiff.models import lucas_kanade
 from pcrdiff.models.lucas_kanade import LONGEST, align, damped_inverse, pose_jacobian
 from pcrdiff.models.pointnet import PointNet
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, made_up_pairs, random_poses, seeded
+from tests.pcrdiff.synthetic_clouds import lopsided_clouds, random_poses, seeded, synthetic_pairs
 
 DIFFERENCE = 0.1
 
@@ -76,7 +76,7 @@ def test_it_is_finite_and_has_a_gradient_where_nothing_can_be_solved_for(rank: i
 
 
 def test_solves_exact_copies_wherever_they_lie_even_untrained() -> None:
-    pairs, encoder = made_up_pairs(4, 256, generator=seeded(0)), make()
+    pairs, encoder = synthetic_pairs(4, 256, generator=seeded(0)), make()
     source, target = pairs.source.double(), pairs.target.double()
     poses = align(encoder, source, target, difference=DIFFERENCE, updates=20)
     assert error_r_deg(poses[-1], pairs.T_target_source).max() < 0.01

@@ -10,10 +10,10 @@ from pcrdiff.geometry.procrustes import fit_rigid
 from pcrdiff.models import matching, sinkhorn
 from pcrdiff.models.matching import AnnealingNet, Matchable, fit_matches
 from tests.pcrdiff.largest_tensor import LargestTensor
-from tests.pcrdiff.made_up_clouds import (
+from tests.pcrdiff.synthetic_clouds import (
     lopsided_clouds,
-    made_up_pairs,
     seeded,
+    synthetic_pairs,
     true_matches,
 )
 
@@ -48,7 +48,7 @@ def test_annealing_knows_which_cloud_is_which() -> None:
 
 
 def test_perfect_matches_give_the_pose_also_where_some_points_have_none() -> None:
-    pairs = made_up_pairs(3, 40, generator=seeded(0))
+    pairs = synthetic_pairs(3, 40, generator=seeded(0))
     matches = true_matches(pairs)
     matches[:, :15] = 0
     pose = fit_matches(pairs.source, pairs.target, matches)
@@ -56,7 +56,7 @@ def test_perfect_matches_give_the_pose_also_where_some_points_have_none() -> Non
 
 
 def test_half_a_match_weighs_half() -> None:
-    pairs = made_up_pairs(1, 40, generator=seeded(1))
+    pairs = synthetic_pairs(1, 40, generator=seeded(1))
     matches = true_matches(pairs)
     half = fit_matches(pairs.source, pairs.target, 0.5 * matches)
     whole = fit_matches(pairs.source, pairs.target, matches)
@@ -107,7 +107,7 @@ def test_nothing_grows_with_both_clouds_where_no_graph_is_kept(
 
 
 def test_a_fit_far_from_the_origin_loses_no_more_digits_than_the_place_itself() -> None:
-    pairs, away = made_up_pairs(1, 40, generator=seeded(1)), torch.tensor([64.0, -32.0, 16.0])
+    pairs, away = synthetic_pairs(1, 40, generator=seeded(1)), torch.tensor([64.0, -32.0, 16.0])
     matches = 0.02 + 0.1 * true_matches(pairs)
     here, there = (fit_matches(pairs.source, pairs.target + shift, matches) for shift in (0, away))
     torch.testing.assert_close(there[:, :3, :3], here[:, :3, :3], atol=1e-4, rtol=0)

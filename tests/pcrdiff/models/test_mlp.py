@@ -5,7 +5,7 @@ import torch
 from torch import nn
 
 from pcrdiff.models.mlp import PoseHead, he_layers, he_linear
-from tests.pcrdiff.made_up_clouds import seeded
+from tests.pcrdiff.synthetic_clouds import seeded
 
 
 def test_every_width_gets_its_layer_and_its_relu() -> None:

@@ -13,7 +13,7 @@ from pcrdiff.methods.dcp_v1 import DCPv1
 from pcrdiff.methods.dcp_v2 import DCPv2
 from pcrdiff.models.losses import rotation_loss, translation_loss
 from pcrdiff.models.pointers import PointerMethod, fit_pointers
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, made_up_pairs, random_poses, seeded
+from tests.pcrdiff.synthetic_clouds import lopsided_clouds, random_poses, seeded, synthetic_pairs
 
 both_versions = pytest.mark.parametrize("kind", [DCPv1, DCPv2])
 Kind = Callable[..., PointerMethod]
@@ -48,7 +48,7 @@ def test_pointers_agree_with_a_slow_twin() -> None:
 
 
 def test_pointers_that_are_sure_of_their_copies_give_the_exact_pose() -> None:
-    pairs = made_up_pairs(3, 30, generator=seeded(10))
+    pairs = synthetic_pairs(3, 30, generator=seeded(10))
     features = 40 * torch.eye(30).expand(3, -1, -1)
     target = transform(pairs.T_target_source, pairs.source.double()).float()
     answer = fit_pointers(pairs.source, target.flip(1), features, features.flip(1))
@@ -68,7 +68,7 @@ def test_the_pose_that_pointers_fit_follows_the_target_and_forgets_the_order() -
 
 @both_versions
 def test_the_losses_are_those_of_equation_16(kind: Kind) -> None:
-    method, pairs = make(kind), made_up_pairs(3, 30, generator=seeded(1))
+    method, pairs = make(kind), synthetic_pairs(3, 30, generator=seeded(1))
     terms = method.loss(pairs, generator=seeded(0))
     T = method.register(pairs.source, pairs.target, generator=seeded(0))
     truth = pairs.T_target_source.float()
@@ -79,7 +79,7 @@ def test_the_losses_are_those_of_equation_16(kind: Kind) -> None:
 
 @both_versions
 def test_the_right_answer_has_no_loss_and_another_one_has(kind: Kind) -> None:
-    method, pairs = make(kind), made_up_pairs(2, 30, generator=seeded(0))
+    method, pairs = make(kind), synthetic_pairs(2, 30, generator=seeded(0))
     terms = method.loss(pairs, generator=seeded(5))
     assert all(term > 1e-4 for term in terms.values())
     with patch.object(method, "answer", return_value=pairs.T_target_source.float()):
@@ -88,7 +88,7 @@ def test_the_right_answer_has_no_loss_and_another_one_has(kind: Kind) -> None:
 
 @both_versions
 def test_draws_nothing(kind: Kind) -> None:
-    method, pairs, generator = make(kind), made_up_pairs(2, 30, generator=seeded(1)), seeded(5)
+    method, pairs, generator = make(kind), synthetic_pairs(2, 30, generator=seeded(1)), seeded(5)
     before = generator.get_state()
     method.register(pairs.source, pairs.target, generator=generator)
     method.loss(pairs, generator=generator)
@@ -97,7 +97,7 @@ def test_draws_nothing(kind: Kind) -> None:
 
 @both_versions
 def test_a_few_steps_on_one_batch_lower_the_loss(kind: Kind) -> None:
-    method, pairs = make(kind), made_up_pairs(4, 40, generator=seeded(2))
+    method, pairs = make(kind), synthetic_pairs(4, 40, generator=seeded(2))
     optimizer, losses = torch.optim.Adam(method.parameters(), lr=3e-3), []
     for _ in range(30):
         loss = torch.stack(list(method.loss(pairs, generator=seeded(0)).values())).sum()

@@ -7,7 +7,7 @@ from torch import Tensor
 from pcrdiff.geometry.precision import set_search_precision
 from pcrdiff.models import pointnet
 from pcrdiff.models.pointnet import PointNet, at_critical
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, seeded
+from tests.pcrdiff.synthetic_clouds import lopsided_clouds, seeded
 
 
 def make(ins: int = 3) -> PointNet:

@@ -13,7 +13,7 @@ from pcrdiff.models.pose_encoder import (
     make_pose_encoder,
     time_embedding,
 )
-from tests.pcrdiff.made_up_clouds import seeded
+from tests.pcrdiff.synthetic_clouds import seeded
 
 
 def awake() -> PoseEncoder:

@@ -5,7 +5,7 @@ import torch
 
 from pcrdiff.geometry.representation import REPRESENTATIONS, RepresentationName
 from pcrdiff.models.pose_space import PoseSpace, Scaling
-from tests.pcrdiff.made_up_clouds import random_poses, seeded
+from tests.pcrdiff.synthetic_clouds import random_poses, seeded
 
 NAMES = list(REPRESENTATIONS)
 SCALINGS: list[Scaling] = ["raw", "standardised"]

@@ -15,7 +15,7 @@ from pcrdiff.methods.rpmnet import RPMNet
 from pcrdiff.models.losses import inlier_loss, point_loss
 from pcrdiff.models.refinement import RefinedMethod, refine, split_normals
 from pcrdiff.registration import Normals, Pairs
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded, small_pose, true_matches
+from tests.pcrdiff.synthetic_clouds import seeded, small_pose, synthetic_pairs, true_matches
 
 both_methods = pytest.mark.parametrize("kind", [RPMNet, EGST])
 Kind = Callable[..., RefinedMethod]
@@ -43,7 +43,7 @@ def with_normals(pairs: Pairs) -> Pairs:
 
 
 def test_perfect_matches_give_the_pose_between_the_clouds_where_they_lie() -> None:
-    pairs = made_up_pairs(3, 40, generator=seeded(0))
+    pairs = synthetic_pairs(3, 40, generator=seeded(0))
     matches = true_matches(pairs)
     [(T, used)] = refine(pairs.source, pairs.target, lambda *_: matches, 1)
     assert used is matches
@@ -54,7 +54,7 @@ def test_perfect_matches_give_the_pose_between_the_clouds_where_they_lie() -> No
 def test_the_first_update_sees_both_means_in_one_place_and_the_second_the_pose_of_the_first() -> (
     None
 ):
-    pairs = made_up_pairs(2, 40, generator=seeded(0))
+    pairs = synthetic_pairs(2, 40, generator=seeded(0))
     matches = true_matches(pairs)
     seen: list[tuple[Tensor, Tensor, Tensor]] = []
 
@@ -73,7 +73,7 @@ def test_the_first_update_sees_both_means_in_one_place_and_the_second_the_pose_o
 
 
 def test_each_pose_is_fitted_to_the_source_as_it_was_given() -> None:
-    pairs = made_up_pairs(2, 40, generator=seeded(0))
+    pairs = synthetic_pairs(2, 40, generator=seeded(0))
     matches = true_matches(pairs)
     steps = refine(pairs.source, pairs.target, lambda *_: matches, 3)
     assert len(steps) == 3
@@ -82,7 +82,7 @@ def test_each_pose_is_fitted_to_the_source_as_it_was_given() -> None:
 
 
 def test_a_pose_passes_its_own_gradient_and_none_to_the_next_update() -> None:
-    pairs = made_up_pairs(1, 40, generator=seeded(0))
+    pairs = synthetic_pairs(1, 40, generator=seeded(0))
     weights = [torch.rand(1, 40, 40, generator=seeded(k)).requires_grad_() for k in (1, 2)]
     left = iter(weights)
     steps = refine(pairs.source, pairs.target, lambda T, *_: next(left) * T.sum(), 2)
@@ -94,7 +94,7 @@ def test_a_pose_passes_its_own_gradient_and_none_to_the_next_update() -> None:
 
 
 def test_refuses_to_update_nothing() -> None:
-    pairs = made_up_pairs(1, 40, generator=seeded(0))
+    pairs = synthetic_pairs(1, 40, generator=seeded(0))
     with pytest.raises(ValueError, match="at least 1 update, got 0"):
         refine(pairs.source, pairs.target, lambda *_: torch.ones(1, 40, 40), 0)
 
@@ -113,7 +113,7 @@ def test_refuses_clouds_with_other_channels_than_the_normals_ask_for() -> None:
 
 @both_methods
 def test_the_pose_follows_a_target_and_a_source_that_are_shifted(kind: Kind) -> None:
-    method, pairs = make(kind), made_up_pairs(2, 60, generator=seeded(0))
+    method, pairs = make(kind), synthetic_pairs(2, 60, generator=seeded(0))
     T_moved_target = small_pose(0, (3.0, -2.0, 1.0)).float().expand(2, 4, 4)
     T_moved_source = small_pose(0, (-1.0, 2.0, 0.5)).float().expand(2, 4, 4)
     before = method.register(pairs.source, pairs.target, generator=seeded(0))
@@ -127,7 +127,7 @@ def test_the_pose_follows_a_target_and_a_source_that_are_shifted(kind: Kind) -> 
 
 @both_methods
 def test_describes_each_cloud_once_and_embeds_the_source_again_at_every_update(kind: Kind) -> None:
-    method, pairs = make(kind, updates=4), made_up_pairs(1, 40, generator=seeded(2))
+    method, pairs = make(kind, updates=4), synthetic_pairs(1, 40, generator=seeded(2))
     embedded: list[Tensor] = []
     method.embedding.register_forward_pre_hook(lambda _, inputs: embedded.append(inputs[0]))
     method.register(pairs.source, pairs.target, generator=seeded(6))
@@ -143,7 +143,7 @@ def test_describes_each_cloud_once_and_embeds_the_source_again_at_every_update(k
 def test_updates_are_counted_in_training_and_afterwards(
     kind: Kind, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    method, pairs = make(kind, updates=5), made_up_pairs(1, 40, generator=seeded(0))
+    method, pairs = make(kind, updates=5), synthetic_pairs(1, 40, generator=seeded(0))
     asked: list[int] = []
     align = method.align
 
@@ -161,7 +161,7 @@ def test_updates_are_counted_in_training_and_afterwards(
 def test_each_update_is_fitted_again_and_the_first_ones_do_not_depend_on_how_many_follow(
     kind: Kind,
 ) -> None:
-    method, pairs = make(kind), made_up_pairs(2, 40, generator=seeded(0))
+    method, pairs = make(kind), synthetic_pairs(2, 40, generator=seeded(0))
     short = method.align(pairs.source, pairs.target, 1)
     long = method.align(pairs.source, pairs.target, 3)
     assert torch.equal(short[0][0], long[0][0])
@@ -170,7 +170,7 @@ def test_each_update_is_fitted_again_and_the_first_ones_do_not_depend_on_how_man
 
 @both_methods
 def test_an_earlier_update_weighs_half_in_the_loss(kind: Kind) -> None:
-    method, pairs = make(kind), made_up_pairs(2, 40, generator=seeded(0))
+    method, pairs = make(kind), synthetic_pairs(2, 40, generator=seeded(0))
     (T_1, matches_1), (T_2, matches_2) = method.align(pairs.source, pairs.target, 2)
     true = transform(pairs.T_target_source.float(), pairs.source)
     points = [point_loss(transform(T, pairs.source), true) for T in (T_1, T_2)]
@@ -182,7 +182,7 @@ def test_an_earlier_update_weighs_half_in_the_loss(kind: Kind) -> None:
 
 @both_methods
 def test_a_few_steps_on_one_batch_find_its_poses(kind: Kind) -> None:
-    method, pairs = make(kind), made_up_pairs(3, 60, generator=seeded(0))
+    method, pairs = make(kind), synthetic_pairs(3, 60, generator=seeded(0))
     optimizer = torch.optim.Adam(method.parameters(), lr=5e-3)
     points = []
     for _ in range(25):
@@ -196,7 +196,7 @@ def test_a_few_steps_on_one_batch_find_its_poses(kind: Kind) -> None:
 
 @both_methods
 def test_given_normals_reach_the_features_and_estimated_ones_take_points_alone(kind: Kind) -> None:
-    pairs = with_normals(made_up_pairs(2, 60, generator=seeded(0)))
+    pairs = with_normals(synthetic_pairs(2, 60, generator=seeded(0)))
     method = make(kind, normals="given")
     source, target = pairs.clouds("given")
     pose = method.register(source, target, generator=seeded(0))
@@ -207,7 +207,7 @@ def test_given_normals_reach_the_features_and_estimated_ones_take_points_alone(k
 
 @both_methods
 def test_refuses_clouds_without_the_normals_it_is_to_be_given(kind: Kind) -> None:
-    pairs = made_up_pairs(1, 40, generator=seeded(0))
+    pairs = synthetic_pairs(1, 40, generator=seeded(0))
     with pytest.raises(ValueError, match="with given normals needs 6 channels, got 3"):
         make(kind, normals="given").register(pairs.source, pairs.target, generator=seeded(0))
     with pytest.raises(ValueError, match="the pairs hold no normals"):
@@ -216,14 +216,14 @@ def test_refuses_clouds_without_the_normals_it_is_to_be_given(kind: Kind) -> Non
 
 @both_methods
 def test_refuses_normals_where_it_estimates_them(kind: Kind) -> None:
-    source, target = with_normals(made_up_pairs(1, 40, generator=seeded(0))).clouds("given")
+    source, target = with_normals(synthetic_pairs(1, 40, generator=seeded(0))).clouds("given")
     with pytest.raises(ValueError, match="with estimated normals needs 3 channels, got 6"):
         make(kind).register(source, target, generator=seeded(0))
 
 
 @both_methods
 def test_refuses_fewer_points_than_neighbours(kind: Kind) -> None:
-    pairs = made_up_pairs(1, 40, generator=seeded(2))
+    pairs = synthetic_pairs(1, 40, generator=seeded(2))
     with pytest.raises(
         ValueError, match="needs at least 8 distinct points, got a target cloud of 7"
     ):
@@ -234,7 +234,7 @@ def test_refuses_fewer_points_than_neighbours(kind: Kind) -> None:
 def test_matches_have_a_row_a_source_point_and_a_column_a_target_point_in_their_order(
     kind: Kind,
 ) -> None:
-    method, pairs = make(kind), made_up_pairs(2, 60, generator=seeded(0))
+    method, pairs = make(kind), synthetic_pairs(2, 60, generator=seeded(0))
     source, target = pairs.source[:, :50], pairs.target
     rows = torch.randperm(50, generator=seeded(1))
     columns = torch.randperm(60, generator=seeded(2))

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from pcrdiff.models import sinkhorn as module
 from pcrdiff.models.sinkhorn import sinkhorn, sinkhorn_product
-from tests.pcrdiff.made_up_clouds import seeded
+from tests.pcrdiff.synthetic_clouds import seeded
 
 
 def scores(n: int = 7, m: int = 9, spread: float = 3.0) -> Tensor:

@@ -18,7 +18,7 @@ from pcrdiff.models.structure import (
     widest_angle,
 )
 from tests.pcrdiff.largest_tensor import LargestTensor
-from tests.pcrdiff.made_up_clouds import lopsided_clouds, random_poses, seeded
+from tests.pcrdiff.synthetic_clouds import lopsided_clouds, random_poses, seeded
 
 RADIUS, K = 0.4, 8
 

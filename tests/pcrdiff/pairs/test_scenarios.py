@@ -23,7 +23,7 @@ from pcrdiff.pairs.scenarios import (
     split_items,
 )
 from pcrdiff.registration import SPLITS, Pairs
-from tests.pcrdiff.made_up_clouds import joined
+from tests.pcrdiff.synthetic_clouds import joined
 
 PLAIN = Corruption(
     num_points=40,

@@ -17,7 +17,7 @@ from pcrdiff.registration import LearnedMethod, Pairs
 from pcrdiff.training.budget import FLOOR, WARM_UP, Budget, halvings
 from pcrdiff.training.loop import Trainer, train
 from pcrdiff.training.poses import FreshPoses, repose
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
 
 BUDGET = Budget(
     epochs=4, batch_size=4, learning_rate=0.01, schedule="plateau", patience=1, validate_every=1
@@ -81,8 +81,8 @@ class Memory:
 def make_trainer(
     budget: Budget = BUDGET, fresh: FreshPoses | None = FRESH, seed: int = 3
 ) -> Trainer:
-    pairs = made_up_pairs(10, 16, generator=seeded(0))
-    val = made_up_pairs(3, 16, generator=seeded(1))
+    pairs = synthetic_pairs(10, 16, generator=seeded(0))
+    val = synthetic_pairs(3, 16, generator=seeded(1))
     return Trainer(Tiny(), pairs, val, budget, fresh, seed=seed)
 
 
@@ -157,7 +157,7 @@ def test_fresh_poses_differ_between_epochs_and_not_with_the_batch_size() -> None
 
 
 def test_a_new_pose_keeps_a_pair_of_copies_consistent() -> None:
-    pairs = made_up_pairs(6, 16, generator=seeded(0))
+    pairs = synthetic_pairs(6, 16, generator=seeded(0))
     generators = [np.random.default_rng(k) for k in range(6)]
     moved = repose(pairs, FRESH, generators)
     assert not torch.allclose(moved.T_target_source, pairs.T_target_source)
@@ -172,7 +172,7 @@ def test_a_new_pose_keeps_a_pair_of_copies_consistent() -> None:
 
 
 def test_a_new_pose_turns_the_normals_of_the_target_with_it() -> None:
-    pairs = made_up_pairs(6, 16, generator=seeded(0))
+    pairs = synthetic_pairs(6, 16, generator=seeded(0))
     outward = nn.functional.normalize(pairs.source, dim=-1)
     still = torch.eye(4, dtype=torch.float64).repeat(6, 1, 1)
     pairs = replace(

@@ -23,7 +23,7 @@ from pcrdiff.training.loop import Trainer, train
 from pcrdiff.training.poses import FreshPoses
 from pcrdiff.training.ranks import Processes
 from pipeline.compute.ranks import join
-from tests.pcrdiff.made_up_clouds import made_up_pairs, seeded
+from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
 
 GLOBAL_BATCH = 6
 PAIRS = 13  # batches of six, six and one, of which the second process has nothing
@@ -83,8 +83,8 @@ def outcome(name: str, processes: Processes, memory: Memory) -> Outcome:
     """Train to the end, or until the kill."""
     torch.manual_seed(processes.rank)  # others than the first start from its weights all the same
     budget = Budget(EPOCHS, GLOBAL_BATCH // processes.count, 0.001, "cosine", 1, 2)
-    pairs = made_up_pairs(PAIRS, 24, generator=seeded(0))
-    val = made_up_pairs(5, 24, generator=seeded(1))
+    pairs = synthetic_pairs(PAIRS, 24, generator=seeded(0))
+    val = synthetic_pairs(5, 24, generator=seeded(1))
     trainer = Trainer(
         make_method(name), pairs, val, budget, FreshPoses(0.5, 0.5), seed=3, processes=processes
     )

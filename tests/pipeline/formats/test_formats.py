@@ -38,7 +38,7 @@ def quarter_turn(shift: float = 0.0) -> torch.Tensor:
     return T_target_source
 
 
-def made_up_pairs(count: int = 3) -> Pairs:
+def synthetic_pairs(count: int = 3) -> Pairs:
     generator = torch.Generator().manual_seed(count)
     return Pairs(
         torch.randn(count, 5, 3, generator=generator),
@@ -57,8 +57,8 @@ def streamed(splits: dict[str, Pairs], size: int = 2) -> dict[str, Streamed]:
     }
 
 
-def write_made_up(path: Path, label: str = "category") -> dict[str, Pairs]:
-    splits = {name: made_up_pairs(count) for name, count in zip(SPLITS, (3, 1, 2), strict=True)}
+def write_synthetic(path: Path, label: str = "category") -> dict[str, Pairs]:
+    splits = {name: synthetic_pairs(count) for name, count in zip(SPLITS, (3, 1, 2), strict=True)}
     write_pairs(path, streamed(splits), label, ATTRIBUTES)
     return splits
 
@@ -138,7 +138,7 @@ def test_json_is_sorted_and_ends_its_last_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("label", ["category", "scene"])
 def test_pairs_come_back_as_they_were(tmp_path: Path, label: str) -> None:
-    splits = write_made_up(tmp_path / "pairs.h5", label)
+    splits = write_synthetic(tmp_path / "pairs.h5", label)
     for name in SPLITS:
         read = read_pairs(tmp_path / "pairs.h5", name)
         for field in ("source", "target", "T_target_source", "item"):
@@ -149,8 +149,8 @@ def test_pairs_come_back_as_they_were(tmp_path: Path, label: str) -> None:
 
 
 def test_the_same_pairs_give_the_same_bytes(tmp_path: Path) -> None:
-    write_made_up(tmp_path / "a.h5")
-    write_made_up(tmp_path / "b.h5")
+    write_synthetic(tmp_path / "a.h5")
+    write_synthetic(tmp_path / "b.h5")
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
 
 
@@ -158,7 +158,7 @@ def test_the_same_pairs_give_the_same_bytes(tmp_path: Path) -> None:
 def test_the_bytes_do_not_depend_on_how_pairs_are_cut_into_blocks(
     tmp_path: Path, size: int
 ) -> None:
-    splits = {name: with_normals(made_up_pairs(5)) for name in SPLITS}
+    splits = {name: with_normals(synthetic_pairs(5)) for name in SPLITS}
     write_pairs(tmp_path / "whole.h5", streamed(splits, 5), "scene", ATTRIBUTES)
     write_pairs(tmp_path / "cut.h5", streamed(splits, size), "scene", ATTRIBUTES)
     assert (tmp_path / "cut.h5").read_bytes() == (tmp_path / "whole.h5").read_bytes()
@@ -168,9 +168,9 @@ def test_the_bytes_do_not_depend_on_how_pairs_are_cut_into_blocks(
 def test_refuses_another_number_of_pairs_than_a_split_said_and_leaves_the_old_file(
     tmp_path: Path, promised: int
 ) -> None:
-    write_made_up(tmp_path / "pairs.h5")
+    write_synthetic(tmp_path / "pairs.h5")
     before = (tmp_path / "pairs.h5").read_bytes()
-    splits = streamed({name: made_up_pairs(3) for name in SPLITS}, 1)
+    splits = streamed({name: synthetic_pairs(3) for name in SPLITS}, 1)
     splits["val"] = Streamed(promised, splits["val"].blocks)
     with pytest.raises((ValueError, TypeError)):
         write_pairs(tmp_path / "pairs.h5", splits, "category", ATTRIBUTES)
@@ -180,12 +180,12 @@ def test_refuses_another_number_of_pairs_than_a_split_said_and_leaves_the_old_fi
 
 def test_a_pair_that_cannot_be_made_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
     def breaking() -> Iterator[Pairs]:
-        yield made_up_pairs(2)
+        yield synthetic_pairs(2)
         raise ValueError("no pair of chair_7")
 
-    write_made_up(tmp_path / "pairs.h5")
+    write_synthetic(tmp_path / "pairs.h5")
     before = (tmp_path / "pairs.h5").read_bytes()
-    splits = streamed({name: made_up_pairs(3) for name in SPLITS})
+    splits = streamed({name: synthetic_pairs(3) for name in SPLITS})
     splits["val"] = Streamed(4, breaking())
     with pytest.raises(ValueError, match="no pair of chair_7"):
         write_pairs(tmp_path / "pairs.h5", splits, "category", ATTRIBUTES)
@@ -197,7 +197,7 @@ def test_a_pair_that_cannot_be_made_leaves_the_old_file_and_nothing_else(tmp_pat
 def test_a_disk_that_fills_up_under_a_pair_file_leaves_the_old_one_and_nothing_else(
     tmp_path: Path, room: int
 ) -> None:
-    splits = {name: made_up_pairs(40) for name in SPLITS}
+    splits = {name: synthetic_pairs(40) for name in SPLITS}
     write_pairs(tmp_path / "pairs.h5", streamed(splits), "category", ATTRIBUTES)
     before = (tmp_path / "pairs.h5").read_bytes()
     assert len(before) > room
@@ -207,7 +207,7 @@ def test_a_disk_that_fills_up_under_a_pair_file_leaves_the_old_one_and_nothing_e
         "from tests.pipeline.formats.test_formats import *\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         f"resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {room}))\n"
-        "splits = streamed({name: made_up_pairs(40) for name in SPLITS})\n"
+        "splits = streamed({name: synthetic_pairs(40) for name in SPLITS})\n"
         "try:\n"
         f"    write_pairs(Path({str(tmp_path / 'pairs.h5')!r}), splits, 'category', ATTRIBUTES)\n"
         "except (OSError, RuntimeError) as error:\n"
@@ -240,7 +240,7 @@ def test_memory_does_not_grow_with_the_number_of_pairs(tmp_path: Path) -> None:
 
 
 def test_a_pair_file_has_the_published_layout(tmp_path: Path) -> None:
-    write_made_up(tmp_path / "pairs.h5", "scene")
+    write_synthetic(tmp_path / "pairs.h5", "scene")
     with h5py.File(tmp_path / "pairs.h5") as file:
         assert dict(file.attrs) == {
             "scenario": "tiny",
@@ -261,7 +261,7 @@ def test_a_pair_file_has_the_published_layout(tmp_path: Path) -> None:
 
 
 def test_says_how_a_pair_file_was_made(tmp_path: Path) -> None:
-    write_made_up(tmp_path / "pairs.h5")
+    write_synthetic(tmp_path / "pairs.h5")
     assert read_attributes(tmp_path / "pairs.h5") == ATTRIBUTES | {"schema": 1}
 
 
@@ -274,7 +274,7 @@ def test_refuses_the_attributes_of_what_is_no_pair_file(tmp_path: Path, content:
 
 def test_refuses_the_attributes_of_a_pair_file_that_lost_some(tmp_path: Path) -> None:
     path = tmp_path / "pairs.h5"
-    write_made_up(path)
+    write_synthetic(path)
     with h5py.File(path, "r+") as file:
         file.attrs["provenance"] = "no JSON"
     with pytest.raises(ValueError, match=r"pairs\.h5 is not a pair file with a provenance"):
@@ -309,7 +309,7 @@ def with_normals(pairs: Pairs) -> Pairs:
 
 def write_with_normals(path: Path) -> dict[str, Pairs]:
     splits = {
-        name: with_normals(made_up_pairs(count))
+        name: with_normals(synthetic_pairs(count))
         for name, count in zip(SPLITS, (3, 1, 2), strict=True)
     }
     write_pairs(path, streamed(splits), "category", ATTRIBUTES)
@@ -324,7 +324,7 @@ def test_normals_come_back_where_there_are_any(tmp_path: Path) -> None:
             assert torch.equal(getattr(read, field), getattr(splits[name], field))
     with h5py.File(tmp_path / "pairs.h5") as file:
         assert file["test/source_normals"].dtype.str == "<f4"
-    write_made_up(tmp_path / "plain.h5")
+    write_synthetic(tmp_path / "plain.h5")
     plain = read_pairs(tmp_path / "plain.h5", "test")
     assert plain.source_normals is plain.target_normals is None
 
@@ -499,7 +499,7 @@ MALFORMED: dict[str, tuple[Callable[[h5py.File], None], str]] = {
 def test_refuses_pairs_with(tmp_path: Path, name: str) -> None:
     change, expected = MALFORMED[name]
     path = tmp_path / "pairs.h5"
-    write_made_up(path)
+    write_synthetic(path)
     with h5py.File(path, "r+") as file:
         change(file)
     with pytest.raises(ValueError, match=r"pairs\.h5") as refused:
@@ -511,7 +511,7 @@ def test_refuses_pairs_with(tmp_path: Path, name: str) -> None:
 
 
 def test_the_other_splits_of_a_malformed_file_are_read(tmp_path: Path) -> None:
-    write_made_up(tmp_path / "pairs.h5")
+    write_synthetic(tmp_path / "pairs.h5")
     with h5py.File(tmp_path / "pairs.h5", "r+") as file:
         without_label(file)
     assert len(read_pairs(tmp_path / "pairs.h5", "train")) == 3
@@ -520,7 +520,7 @@ def test_the_other_splits_of_a_malformed_file_are_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize("length", [0, 100, 2000])
 def test_refuses_a_pair_file_that_was_cut(tmp_path: Path, length: int) -> None:
     path = tmp_path / "pairs.h5"
-    write_made_up(path)
+    write_synthetic(path)
     path.write_bytes(path.read_bytes()[:length])
     with pytest.raises(ValueError, match=r"pairs\.h5 is not a pair file") as refused:
         read_pairs(path, "test")
@@ -623,7 +623,7 @@ def identities(count: int, failures: tuple[str, ...]) -> Estimates:
 
 
 def test_an_answer_is_a_row_a_pair_with_errors_worked_by_hand(tmp_path: Path) -> None:
-    truth = made_up_pairs(2)  # a quarter turn about z, and the same with 0.1 along x
+    truth = synthetic_pairs(2)  # a quarter turn about z, and the same with 0.1 along x
     write_estimates(tmp_path / "a.csv", truth, {"paper": identities(2, ("", "no, it failed"))})
     rows = read_rows(tmp_path / "a.csv")
     assert list(rows[0]) == ANSWER
@@ -643,7 +643,7 @@ def test_an_answer_is_a_row_a_pair_with_errors_worked_by_hand(tmp_path: Path) ->
 
 def test_answers_of_several_settings_follow_each_other(tmp_path: Path) -> None:
     given = {"paper": identities(2, ("", "")), "official": identities(2, ("", ""))}
-    write_estimates(tmp_path / "a.csv", made_up_pairs(2), given)
+    write_estimates(tmp_path / "a.csv", synthetic_pairs(2), given)
     rows = read_rows(tmp_path / "a.csv")
     assert [(row["setting"], row["pair"]) for row in rows] == [
         ("paper", "0"), ("paper", "1"), ("official", "0"), ("official", "1"),
@@ -652,7 +652,7 @@ def test_answers_of_several_settings_follow_each_other(tmp_path: Path) -> None:
 
 def test_the_same_answers_give_the_same_bytes_with_plain_line_ends(tmp_path: Path) -> None:
     for name in ("a.csv", "b.csv"):
-        write_estimates(tmp_path / name, made_up_pairs(2), {"paper": identities(2, ("", ""))})
+        write_estimates(tmp_path / name, synthetic_pairs(2), {"paper": identities(2, ("", ""))})
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
     assert b"\r" not in (tmp_path / "a.csv").read_bytes()
 
@@ -662,7 +662,7 @@ def test_a_pose_comes_back_from_its_row_to_the_last_bit(tmp_path: Path) -> None:
     T_target_source = torch.eye(4, dtype=torch.float64)
     T_target_source[0, 0], T_target_source[0, 3] = angle.cos(), 1 / 3
     write_estimates(
-        tmp_path / "a.csv", made_up_pairs(1), {"paper": Estimates(T_target_source[None], ("",))}
+        tmp_path / "a.csv", synthetic_pairs(1), {"paper": Estimates(T_target_source[None], ("",))}
     )
     (row,) = read_rows(tmp_path / "a.csv")
     assert float(row["T00"]) == angle.cos().item()
@@ -672,7 +672,7 @@ def test_a_pose_comes_back_from_its_row_to_the_last_bit(tmp_path: Path) -> None:
 def test_an_ablation_names_the_method_of_each_row(tmp_path: Path) -> None:
     one = identities(1, ("",))
     answers = {"cf": {"steps=1": one, "steps=2": one}, "cb": {"steps=1": one}}
-    write_ablation(tmp_path / "a.csv", made_up_pairs(1), answers)
+    write_ablation(tmp_path / "a.csv", synthetic_pairs(1), answers)
     rows = read_rows(tmp_path / "a.csv")
     assert list(rows[0]) == ["method", *ANSWER]
     assert [(r["method"], r["setting"]) for r in rows] == [
