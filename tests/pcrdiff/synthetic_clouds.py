@@ -46,7 +46,7 @@ def lopsided_clouds(batch: int, n: int, *, generator: torch.Generator) -> Tensor
     return points
 
 
-def made_up_pairs(count: int, n: int, *, generator: torch.Generator) -> Pairs:
+def synthetic_pairs(count: int, n: int, *, generator: torch.Generator) -> Pairs:
     """Exact copies in another order under turns of up to 45 degrees, one item each."""
     source = lopsided_clouds(count, n, generator=generator)
     turns = torch.linspace(5, 45, count).tolist()

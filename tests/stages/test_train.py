@@ -252,7 +252,7 @@ def test_a_process_that_dies_takes_the_other_with_it(project: Path, how: str) ->
     assert [line.startswith(lost) for line in said] == (
         [False, *noticed] if how == "raises" else noticed
     )
-    assert ("train: a made-up mistake" in said) == (how == "raises")
+    assert ("train: a deliberate mistake" in said) == (how == "raises")
     assert "Traceback" not in done.stderr
     assert outputs(CF) == {}
     assert processes_of(project) == [Path(f"/proc/{os.getpid()}/cwd")]

@@ -21,7 +21,7 @@ def run_epoch(self: Trainer, epoch: int) -> None:
     if epoch == 1 and self.processes.rank == int(sys.argv[2]):
         if sys.argv[1] == "killed":
             os.kill(os.getpid(), signal.SIGKILL)
-        raise ValueError("a made-up mistake")
+        raise ValueError("a deliberate mistake")
     run_whole_epoch(self, epoch)
 
 

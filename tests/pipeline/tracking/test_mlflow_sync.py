@@ -61,7 +61,7 @@ def project(bare_project: Path, empty_store: Path) -> Path:
 def run_stage(
     monkeypatch: pytest.MonkeyPatch, stage: str, error: Exception | None = None
 ) -> Record:
-    """Run a made-up stage that reads in.txt, notes a curve and keeps a picture."""
+    """Run a stage of the test that reads in.txt, notes a curve and keeps a picture."""
     monkeypatch.setenv("DVC_STAGE", stage)
     Path("in.txt").write_text("abc")
     Path("plots").mkdir(exist_ok=True)
