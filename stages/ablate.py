@@ -46,12 +46,12 @@ def main(argv: list[str] | None = None) -> None:
     settle(params.threads, params.search_precision)
     noted = {"search_precision": search_precision(), "scenario": params.ablation.scenario}
     with journal(params=noted, inputs=[args.pairs]) as notes:
+        given = Given(params, read_pairs(args.pairs, "test"), args.models)
         for path, ablate in wanted.items():
-            test, answers = ablate(Given(params, args.pairs, args.models))
-            write_ablation(path, test, answers)
+            write_ablation(path, given.test, ablate(given))
             notes.artifact(path)
         if args.walks:
-            write_all_walks(args.walks, Given(params, args.pairs, args.models))
+            write_all_walks(args.walks, given)
 
 
 Answers = Mapping[str, Mapping[str, Estimates]]
@@ -63,7 +63,7 @@ class Given:
     """What an ablation is made of."""
 
     params: Params
-    pairs: Path
+    test: Pairs
     models: Path
     """The folder of all weights."""
 
@@ -71,7 +71,7 @@ class Given:
         """Where a method's weights for the ablations' scenario lie."""
         return self.models / method / self.params.ablation.scenario / WEIGHTS
 
-    def answer_walks(self, name: str, test: Pairs, walks: "Walks") -> dict[str, Estimates]:
+    def answer_walks(self, name: str, walks: "Walks") -> dict[str, Estimates]:
         """The answers of one training by setting: under several walks, each with its draw.
 
         A pair of clouds is encoded once for all of them.
@@ -83,7 +83,7 @@ class Given:
             setting: (Walker(method, Walk(**walk.model_dump())), draw)
             for setting, (walk, draw) in walks.items()
         }
-        return answer_all(self.params, drawn, test)
+        return answer_all(self.params, drawn, self.test)
 
 
 class EncodesOnce:
@@ -112,26 +112,26 @@ class Walker(Method):
         return method.walk_back(encoded, source, target, self.walk, generator=generator)
 
 
-def ablate_variants(name: str, given: Given) -> tuple[Pairs, Answers]:
+def ablate_variants(name: str, given: Given) -> Answers:
     """Tables 3 to 5: a training for each value, all walked back as params.yaml says."""
-    params, test = given.params, read_pairs(given.pairs, "test")
+    params = given.params
     answers: dict[str, dict[str, Estimates]] = {}
     for method, variant in variants(params, name):
         weights = given.models / folder_of(params, name, method, variant) / WEIGHTS
         trained = load_learned(method, "paper", params.methods, params.diffusion, weights, variant)
-        answers.setdefault(method, {})[setting_of(variant)] = answer(params, trained, test)
-    return test, answers
+        answers.setdefault(method, {})[setting_of(variant)] = answer(params, trained, given.test)
+    return answers
 
 
 Walks = Mapping[str, tuple[Diffusion, int]]
 """Walks back by their setting, each with the number of its draw."""
 
 
-def ablate_walks(walks_of: Callable[[Params, str], Walks], given: Given) -> tuple[Pairs, Answers]:
+def ablate_walks(walks_of: Callable[[Params, str], Walks], given: Given) -> Answers:
     """One training of each method under the walks that ``walks_of`` gives for it."""
-    test, methods = read_pairs(given.pairs, "test"), given.params.ablation.methods
-    return test, {
-        name: given.answer_walks(name, test, walks_of(given.params, name)) for name in methods
+    params = given.params
+    return {
+        name: given.answer_walks(name, walks_of(params, name)) for name in params.ablation.methods
     }
 
 
@@ -156,7 +156,7 @@ def walks_with_hypotheses(params: Params, _method: str) -> Walks:
     }
 
 
-ABLATIONS: dict[str, Callable[[Given], tuple[Pairs, Answers]]] = {
+ABLATIONS: dict[str, Callable[[Given], Answers]] = {
     **{name: partial(ablate_variants, name) for name in TRAINED},
     "steps": partial(ablate_walks, walks_in_steps),
     "hypotheses": partial(ablate_walks, walks_with_hypotheses),
@@ -167,22 +167,21 @@ def write_all_walks(folder: Path, given: Given) -> None:
     """Write ``<scenario>/<method>.csv``: two rows per step, the noisy pose and the prediction."""
     scenario = given.params.ablation.scenario
     for method in given.params.ablation.methods:
-        walks = follow_walks(given.params, method, given.pairs, given.weights(method))
+        walks = follow_walks(given.params, method, given.test, given.weights(method))
         write_walks(folder / scenario / f"{method}.csv", walks)
 
 
-def follow_walks(params: Params, method: str, pairs: Path, weights: Path) -> list[RecordedWalk]:
+def follow_walks(params: Params, method: str, test: Pairs, weights: Path) -> list[RecordedWalk]:
     """The walks of a few test pairs, evenly chosen, with the first sampler of Table 7.
 
     Raises:
-        FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
+        FileNotFoundError, ValueError: The weights are not there or not what they should be.
     """
     shown = params.ablation.walk
     sampler = params.ablation.sampling.samplers[0]
     varied = {"steps": shown.steps, "sampler": sampler, "hypotheses": 1}
     diffusion = params.diffusion.model_copy(update=varied)
     trained = load_diffused(method, params.methods, diffusion, weights)
-    test = read_pairs(pairs, "test")
     chosen = torch.linspace(0, len(test) - 1, min(shown.pairs, len(test))).round().long().tolist()
     walks = []
     for pair in dict.fromkeys(chosen):

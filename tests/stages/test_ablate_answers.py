@@ -35,7 +35,7 @@ METHODS = {"fusion": [CF]}
 
 
 def given(project: Path) -> Given:
-    return Given(read_params(), project / PAIRS, MODELS)
+    return Given(read_params(), read_pairs(project / PAIRS, "test"), MODELS)
 
 
 def evaluated(method: str) -> Tensor:
@@ -48,7 +48,8 @@ def evaluated(method: str) -> Tensor:
 
 @pytest.mark.parametrize("name", ABLATIONS)
 def test_each_method_answers_all_pairs_under_each_value(project: Path, name: str) -> None:
-    test, answers = ABLATIONS[name](given(project))
+    ablated = given(project)
+    test, answers = ablated.test, ABLATIONS[name](ablated)
     assert list(answers) == METHODS.get(name, [CF, CB])
     for method, settings in answers.items():
         drawn_once = (name, method) == ("steps", CB)
@@ -57,7 +58,7 @@ def test_each_method_answers_all_pairs_under_each_value(project: Path, name: str
 
 
 def test_more_steps_another_sampler_and_another_draw_give_another_answer(project: Path) -> None:
-    _, answers = ABLATIONS["steps"](given(project))
+    answers = ABLATIONS["steps"](given(project))
     poses = {setting: found.T_target_source for setting, found in answers[CF].items()}
     first = poses["steps=2,sampler=ddpm"]
     for other in ("steps=1,sampler=ddpm", "steps=2,sampler=ddim", "steps=2,sampler=ddpm,draw=1"):
@@ -66,13 +67,13 @@ def test_more_steps_another_sampler_and_another_draw_give_another_answer(project
 
 def test_the_walk_of_the_evaluation_gives_the_evaluation_s_answers(project: Path) -> None:
     params = read_params()
-    _, answers = ABLATIONS["steps"](given(project))
+    answers = ABLATIONS["steps"](given(project))
     walk = answers[CF][f"steps={params.diffusion.steps},sampler={params.diffusion.sampler}"]
     assert torch.equal(walk.T_target_source, evaluated(CF))
 
 
 def test_one_hypothesis_is_the_evaluation(project: Path) -> None:
-    _, answers = ABLATIONS["hypotheses"](given(project))
+    answers = ABLATIONS["hypotheses"](given(project))
     found = answers[CB]["hypotheses=1"].T_target_source
     assert torch.equal(found, evaluated(CB))
 
@@ -80,9 +81,11 @@ def test_one_hypothesis_is_the_evaluation(project: Path) -> None:
 def test_without_diffusion_the_walk_does_not_matter(project: Path) -> None:
     params = read_params()
     longer = params.diffusion.model_copy(update={"steps": 4})
-    more = Given(params.model_copy(update={"diffusion": longer}), project / PAIRS, MODELS)
-    _, one = ABLATIONS["diffusion"](given(project))
-    _, four = ABLATIONS["diffusion"](more)
+    more = Given(
+        params.model_copy(update={"diffusion": longer}), read_pairs(project / PAIRS, "test"), MODELS
+    )
+    one = ABLATIONS["diffusion"](given(project))
+    four = ABLATIONS["diffusion"](more)
     for method in (CF, CB):
         a, b = (found[method]["diffusion=without"].T_target_source for found in (one, four))
         torch.testing.assert_close(a, b, atol=1e-6, rtol=0)
@@ -119,7 +122,9 @@ def test_noise_has_the_deviation_it_says_and_grows_from_the_same_draw(project: P
 @pytest.mark.parametrize("name", ["steps", "representation"])
 def test_refuses_a_folder_without_weights(project: Path, name: str) -> None:
     with pytest.raises(FileNotFoundError, match=r"\.safetensors, there are none: run train"):
-        ABLATIONS[name](Given(read_params(), project / PAIRS, project / "nowhere"))
+        ABLATIONS[name](
+            Given(read_params(), read_pairs(project / PAIRS, "test"), project / "nowhere")
+        )
 
 
 def test_dvc_yaml_runs_every_ablation() -> None:

@@ -10,6 +10,7 @@ from pcrdiff.diffusion.process import time_pairs
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
+from pipeline.formats.pairs import read_pairs
 from pipeline.formats.walks import read_walks, write_walks
 from pipeline.settings.params import read_params
 from stages.ablate import follow, follow_walks
@@ -38,7 +39,7 @@ def test_walks_of_pairs_from_first_to_last_are_written_and_read_again(
     project: Path, tmp_path: Path
 ) -> None:
     weights = weights_file(CF)
-    walks = follow_walks(read_params(), CF, project / PAIRS, weights)
+    walks = follow_walks(read_params(), CF, read_pairs(project / PAIRS, "test"), weights)
     assert [walk.pair for walk in walks] == [0, 2]
     assert all(len(walk.times) == 3 for walk in walks)
     write_walks(tmp_path / f"{CF}.csv", walks)
@@ -63,7 +64,7 @@ def test_a_method_that_does_not_walk_is_refused(project: Path) -> None:
     other = build_learned("dcp_v1", "paper", params.methods, params.diffusion)
     write_weights(Path("dcp.safetensors"), other.state_dict(), {"method": "dcp_v1"})
     with pytest.raises(ValueError, match="dcp_v1 does not walk back from noise"):
-        follow_walks(params, "dcp_v1", project / PAIRS, Path("dcp.safetensors"))
+        follow_walks(params, "dcp_v1", read_pairs(project / PAIRS, "test"), Path("dcp.safetensors"))
 
 
 def walks_of(method: str) -> Path:
