@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcrdiff.geometry.random_pose import draw_pose
+from pcrdiff.geometry.random_pose import PoseRange, draw_pose
 from pcrdiff.geometry.rigid import transform
 from pipeline.compute.machine import resident, settle
 from pipeline.formats.benchmarks import PeakMemory
@@ -53,6 +53,6 @@ def make_clouds(
     directions = generator.normal(size=(1, points, 3))
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     source = torch.from_numpy(directions * SEMI_AXES)
-    pose = draw_pose(MAX_ROTATION, MAX_TRANSLATION, generator=generator)
+    pose = draw_pose(PoseRange(MAX_ROTATION, MAX_TRANSLATION), generator=generator)
     target = transform(torch.from_numpy(pose)[None], source[:, generator.permutation(points)])
     return source.float(), target.float()

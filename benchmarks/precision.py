@@ -14,10 +14,10 @@ import torch
 from pcrdiff.evaluation import evaluate
 from pcrdiff.geometry.metrics import error_r_deg
 from pcrdiff.geometry.precision import SearchPrecision, set_search_precision
+from pcrdiff.geometry.random_pose import PoseRange
 from pcrdiff.registration import Pairs
 from pcrdiff.training.budget import Budget
 from pcrdiff.training.loop import Trainer, train
-from pcrdiff.training.poses import FreshPoses
 from pipeline.compute.checkpoints import NoCheckpoint
 from pipeline.compute.machine import settle
 from pipeline.compute.progress import bar
@@ -40,7 +40,7 @@ def trained_error(params: Params, splits: Mapping[str, Pairs], seed: int) -> tup
     optimisation = getattr(params.train, METHOD).model_dump()
     budget = Budget(params.epochs(SCENARIO, METHOD), **optimisation)
     made = params.scenarios[SCENARIO]
-    fresh = FreshPoses(made.max_rotation, made.max_translation)
+    fresh = PoseRange(made.max_rotation, made.max_translation, made.min_translation)
     trainer = Trainer(network, splits["train"], splits["val"], budget, fresh, seed=seed)
     weights, curve = train(trainer, NoCheckpoint(), bar)
     network.load_state_dict(weights)

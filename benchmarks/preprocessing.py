@@ -17,6 +17,7 @@ from benchmarks.measuring import Comparison, alternate
 from pcrdiff.bindings.open3d import open3d
 from pcrdiff.datasets.items import RawItem
 from pcrdiff.datasets.modelnet40 import read_items
+from pcrdiff.geometry.random_pose import PoseRange
 from pcrdiff.pairs.scenarios import Corruption, make_pairs
 from pipeline.compute.machine import forget_peak, resident
 from pipeline.compute.progress import bar
@@ -29,7 +30,7 @@ NUM_POINTS, WORKERS = 2048, 2
 REAL_TIMES = 12  # there are few real ones at hand
 MEAN_SIZE = 400_000
 """Least size of a synthetic file in bytes; cut into four, the mean is twice that, as with real ones."""
-NOISY = Corruption(NUM_POINTS, "copies", pi / 4, 1.0, 0.01, 0.05, 1.0, "estimated")
+NOISY = Corruption(NUM_POINTS, "copies", PoseRange(pi / 4, 1.0), 0.01, 0.05, 1.0, "estimated")
 """The scenario ``modelnet40-gaussian_noise``."""
 Run = Callable[[Sequence[RawItem], Path], None]
 """Makes pairs of items and writes them."""

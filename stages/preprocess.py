@@ -11,6 +11,7 @@ from pcrdiff.clouds.surface import DegenerateShape
 from pcrdiff.datasets import kitti, modelnet40, threedmatch
 from pcrdiff.datasets.items import RawItem
 from pcrdiff.datasets.manifest import Manifest, read_manifest
+from pcrdiff.geometry.random_pose import PoseRange
 from pcrdiff.loops import Spread, in_turn
 from pcrdiff.pairs.scenarios import (
     Corruption,
@@ -101,8 +102,14 @@ def preprocess(
     doubled = find_doubled(items, chosen, manifest.digests)
     if doubled:
         sys.stderr.write(f"pcrdiff preprocess: {_say_doubled(scenario.dataset, doubled)}\n")
+    poses = PoseRange(scenario.max_rotation, scenario.max_translation, scenario.min_translation)
     corruption = Corruption(
-        **{each.name: getattr(scenario, each.name) for each in fields(Corruption)}
+        poses=poses,
+        **{
+            each.name: getattr(scenario, each.name)
+            for each in fields(Corruption)
+            if each.name != "poses"
+        },
     )
     splits, dropped = {}, dict[str, list[str]]()
     for split, index in chosen.items():

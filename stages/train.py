@@ -16,10 +16,10 @@ import torch
 from torch import Tensor
 
 from pcrdiff.geometry.precision import resolve, search_precision
+from pcrdiff.geometry.random_pose import PoseRange
 from pcrdiff.loops import silent
 from pcrdiff.training.budget import Budget, Epoch
 from pcrdiff.training.loop import Trainer, train
-from pcrdiff.training.poses import FreshPoses
 from pcrdiff.training.ranks import ALONE, Processes
 from pcrdiff.training.state import Checkpoint
 from pipeline.compute.checkpoints import NoCheckpoint, open_checkpoint
@@ -267,7 +267,10 @@ def _process(params: Params, method: str) -> dict[str, int]:
     return {"timesteps": params.diffusion.timesteps} if method in DIFFUSED else {}
 
 
-def fresh_poses(pairs: Path) -> FreshPoses:
+def fresh_poses(pairs: Path) -> PoseRange:
     """New poses within the bounds that the pair file says its own were drawn within."""
     made = read_attributes(pairs)["provenance"]["scenario"]
-    return FreshPoses(math.radians(made["max_rotation_deg"]), made["max_translation"])
+    degrees, low, high = (
+        made[key] for key in ("max_rotation_deg", "min_translation", "max_translation")
+    )
+    return PoseRange(None if degrees is None else math.radians(degrees), high, low)

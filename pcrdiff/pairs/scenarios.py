@@ -11,7 +11,7 @@ from jaxtyping import Float64
 
 from pcrdiff.clouds.surface import DegenerateShape, Mesh, sample_oriented, sample_points
 from pcrdiff.datasets.items import RawItem
-from pcrdiff.geometry.random_pose import draw_pose
+from pcrdiff.geometry.random_pose import PoseRange, draw_pose
 from pcrdiff.geometry.span import spans_plane
 from pcrdiff.loops import Progress, Spread, in_turn, silent
 from pcrdiff.pairs.corruption import SampledCloud, crop, jitter, move, rescale, shuffle, unit_sphere
@@ -43,13 +43,12 @@ class Split:
 
 @dataclass(frozen=True)
 class Corruption:
-    """How an item becomes a pair. Angles in radians, lengths after scaling to the unit sphere."""
+    """How an item becomes a pair; lengths after scaling to the unit sphere."""
 
     num_points: int
     sampling: Literal["copies", "independent"]
     """Both clouds are the same points in another order, or two samples of the surface."""
-    max_rotation: float
-    max_translation: float
+    poses: PoseRange
     jitter_deviation: float
     jitter_clip: float
     keep: float
@@ -151,7 +150,7 @@ def make_pair(
     target = crop(target, corruption.keep, generator=generator)
     _check_extent(source)
     _check_extent(target)
-    pose = draw_pose(corruption.max_rotation, corruption.max_translation, generator=generator)
+    pose = draw_pose(corruption.poses, generator=generator)
     target = move(target, pose)
     if corruption.jitter_deviation > 0:
         noise = corruption.jitter_deviation, corruption.jitter_clip

@@ -8,10 +8,11 @@ import torch
 from torch import Tensor
 
 from pcrdiff.diffusion.shares import Share, SharedGenerator
+from pcrdiff.geometry.random_pose import PoseRange
 from pcrdiff.loops import Progress, silent
 from pcrdiff.registration import LearnedMethod, Pairs
 from pcrdiff.training.budget import Budget, Epoch
-from pcrdiff.training.poses import FreshPoses, repose
+from pcrdiff.training.poses import repose
 from pcrdiff.training.ranks import ALONE, Loss, Processes
 from pcrdiff.training.state import Checkpoint, State
 from pcrdiff.training.validation import Validation
@@ -41,7 +42,7 @@ class Trainer:
         train: Pairs,
         val: Pairs,
         budget: Budget,
-        fresh: FreshPoses | None,
+        fresh: PoseRange | None,
         *,
         seed: int,
         processes: Processes = ALONE,

@@ -118,7 +118,9 @@ class Scenario(Section):
     pairs: PairCounts
     num_points: Count
     sampling: Literal["copies", "independent"]
-    max_rotation_deg: Annotated[float, Field(ge=0, le=180)]
+    max_rotation_deg: Annotated[float, Field(ge=0, le=180)] | None
+    """Each Euler angle is uniform in [0, this]; null draws uniformly from all of SO(3)."""
+    min_translation: Annotated[float, Field(ge=-1e9, le=1e9)]
     max_translation: Length
     jitter_deviation: Length
     jitter_clip: Length
@@ -129,9 +131,16 @@ class Scenario(Section):
     """What becomes of a shape whose points are on one line or in one place."""
 
     @property
-    def max_rotation(self) -> float:
+    def max_rotation(self) -> float | None:
         """In radians."""
-        return radians(self.max_rotation_deg)
+        return None if self.max_rotation_deg is None else radians(self.max_rotation_deg)
+
+    @model_validator(mode="after")
+    def _translations_rise(self) -> "Scenario":
+        low, high = self.min_translation, self.max_translation
+        if low > high:
+            raise ValueError(f"min_translation must be at most max_translation {high}, got {low}")
+        return self
 
 
 class Diffusion(Section):

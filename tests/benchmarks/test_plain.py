@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from benchmarks.plain import PlainCB, PlainCF
 from pcrdiff.diffusion.sampling import Walk
-from pcrdiff.geometry.random_pose import draw_pose
+from pcrdiff.geometry.random_pose import PoseRange, draw_pose
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
@@ -32,7 +32,7 @@ def make_pairs(count: int, points: int, dtype: torch.dtype) -> Pairs:
     source = nn.functional.normalize(torch.randn(count, points, 3, generator=generator), dim=-1)
     source = (source * torch.tensor([1.0, 0.7, 0.4])).to(dtype)
     poses = np.stack(
-        [draw_pose(0.8, 1.0, generator=np.random.default_rng(k)) for k in range(count)]
+        [draw_pose(PoseRange(0.8, 1.0), generator=np.random.default_rng(k)) for k in range(count)]
     )
     T = torch.from_numpy(poses)
     order = torch.randperm(points, generator=generator)

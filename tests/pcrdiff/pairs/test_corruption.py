@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pcrdiff.geometry.random_pose import draw_pose
+from pcrdiff.geometry.random_pose import PoseRange, draw_pose
 from pcrdiff.pairs.corruption import SampledCloud, crop, jitter, move, rescale, shuffle, unit_sphere
 
 
@@ -78,7 +78,7 @@ def test_every_draw_follows_its_generator() -> None:
     def draws(seed: int) -> list[np.ndarray]:
         g = np.random.default_rng(seed)
         return [
-            draw_pose(1.0, 1.0, generator=g),
+            draw_pose(PoseRange(1.0, 1.0), generator=g),
             jitter(cloud(), 0.1, 0.5, generator=g),
             crop(cloud(), 0.5, generator=g),
             shuffle(cloud(), generator=g),
@@ -129,7 +129,7 @@ def test_nothing_that_is_done_to_points_depends_on_normals() -> None:
 
     def outcomes(points: SampledCloud) -> list[np.ndarray]:
         g = np.random.default_rng(6)
-        pose = draw_pose(1.0, 1.0, generator=g)
+        pose = draw_pose(PoseRange(1.0, 1.0), generator=g)
         return [
             jitter(points, 0.1, 0.5, generator=g),
             crop(points, 0.5, generator=g),
@@ -158,7 +158,7 @@ def test_jitter_and_scale_leave_normals_alone() -> None:
 
 
 def test_moving_turns_normals_and_does_not_shift_them() -> None:
-    pose = draw_pose(2.0, 1.0, generator=np.random.default_rng(9))
+    pose = draw_pose(PoseRange(2.0, 1.0), generator=np.random.default_rng(9))
     moved = move(sphere(), pose)
     centre = pose[:3, :3] @ [1.0, 2.0, 3.0] + pose[:3, 3]
     np.testing.assert_allclose(moved[:, :3], centre + 4 * moved[:, 3:], atol=1e-12)

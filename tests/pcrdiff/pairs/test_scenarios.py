@@ -11,6 +11,7 @@ import torch
 
 from pcrdiff.clouds.surface import Cloud, DegenerateShape, Mesh
 from pcrdiff.datasets.items import RawItem
+from pcrdiff.geometry.random_pose import PoseRange
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.pairs.scenarios import (
     BLOCK,
@@ -28,8 +29,7 @@ from tests.pcrdiff.synthetic_clouds import joined
 PLAIN = Corruption(
     num_points=40,
     sampling="copies",
-    max_rotation=0.7,
-    max_translation=1.0,
+    poses=PoseRange(0.7, 1.0),
     jitter_deviation=0.0,
     jitter_clip=0.05,
     keep=1.0,
@@ -220,7 +220,7 @@ def test_jitter_is_laid_on_each_cloud_by_itself_after_the_move() -> None:
 
 def test_the_pose_stays_in_its_range() -> None:
     for seed in range(20):
-        _, _, pose = draw(replace(PLAIN, max_rotation=0.1, max_translation=0.2), seed)
+        _, _, pose = draw(replace(PLAIN, poses=PoseRange(0.1, 0.2)), seed)
         assert (pose[:3, 3] >= 0).all()
         assert (pose[:3, 3] <= 0.2).all()
         assert torch.arccos(((pose[:3, :3].trace() - 1) / 2).clamp(-1, 1)) <= 0.1 * 3**0.5 + 0.01

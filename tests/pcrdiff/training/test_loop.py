@@ -11,18 +11,19 @@ import torch
 from torch import Tensor, nn
 
 from pcrdiff.geometry.metrics import error_r_deg, error_t
+from pcrdiff.geometry.random_pose import PoseRange
 from pcrdiff.geometry.rigid import from_pose_vector, transform
 from pcrdiff.models.losses import pose_loss
 from pcrdiff.registration import LearnedMethod, Pairs
 from pcrdiff.training.budget import FLOOR, WARM_UP, Budget, halvings
 from pcrdiff.training.loop import Trainer, train
-from pcrdiff.training.poses import FreshPoses, repose
+from pcrdiff.training.poses import repose
 from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
 
 BUDGET = Budget(
     epochs=4, batch_size=4, learning_rate=0.01, schedule="plateau", patience=1, validate_every=1
 )
-FRESH = FreshPoses(max_rotation=0.5, max_translation=0.5)
+FRESH = PoseRange(max_rotation=0.5, max_translation=0.5)
 
 
 class Tiny(LearnedMethod):
@@ -79,7 +80,7 @@ class Memory:
 
 
 def make_trainer(
-    budget: Budget = BUDGET, fresh: FreshPoses | None = FRESH, seed: int = 3
+    budget: Budget = BUDGET, fresh: PoseRange | None = FRESH, seed: int = 3
 ) -> Trainer:
     pairs = synthetic_pairs(10, 16, generator=seeded(0))
     val = synthetic_pairs(3, 16, generator=seeded(1))

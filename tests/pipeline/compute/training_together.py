@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from pcrdiff.diffusion.sampling import Walk
+from pcrdiff.geometry.random_pose import PoseRange
 from pcrdiff.methods.fmr import FMR
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.methods.pcrnet import PCRNet
@@ -20,7 +21,6 @@ from pcrdiff.models.pose_encoder import Diffusion
 from pcrdiff.registration import LearnedMethod
 from pcrdiff.training.budget import Budget, Epoch
 from pcrdiff.training.loop import Trainer, train
-from pcrdiff.training.poses import FreshPoses
 from pcrdiff.training.ranks import Processes
 from pipeline.compute.ranks import join
 from tests.pcrdiff.synthetic_clouds import seeded, synthetic_pairs
@@ -86,7 +86,7 @@ def outcome(name: str, processes: Processes, memory: Memory) -> Outcome:
     pairs = synthetic_pairs(PAIRS, 24, generator=seeded(0))
     val = synthetic_pairs(5, 24, generator=seeded(1))
     trainer = Trainer(
-        make_method(name), pairs, val, budget, FreshPoses(0.5, 0.5), seed=3, processes=processes
+        make_method(name), pairs, val, budget, PoseRange(0.5, 0.5), seed=3, processes=processes
     )
     best, curve = train(trainer, memory, memory.watched)
     return Outcome(curve, trainer.state.best_epoch, best, trainer.method.state_dict())

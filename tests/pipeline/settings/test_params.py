@@ -68,6 +68,8 @@ WRONG: dict[str, tuple[Change, str]] = {
         "trainings.pcrdiffusion_cf.kitti: Input should be greater than or equal to 1, got 0"),
     "an unknown sampler": (lambda p: p["diffusion"].update(sampler="euler"),
         "diffusion.sampler: Input should be 'ddpm' or 'ddim', got 'euler'"),
+    "a range that falls": (lambda p: p["scenarios"]["kitti"].update(min_translation=2.0),
+        "scenarios.kitti: min_translation must be at most max_translation 1.0, got 2.0"),
     "no number": (lambda p: p["scenarios"]["kitti"].update(max_translation=float("nan")),
         "scenarios.kitti.max_translation: "),
     "nothing kept": (lambda p: p["scenarios"]["modelnet40-partial"].update(keep=0.0),
