@@ -9,16 +9,30 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from pcrdiff.diffusion.sampling import Walk
+from pcrdiff.hypotheses import Refinement
 from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.weights import read_weights
-from pipeline.settings.catalogue import AnyLearned, Methods
-from pipeline.settings.params import DIFFUSED, Diffusion, Params, classical_names, learned_names
+from pipeline.settings.catalogue import AnyLearned, Methods, RefinedSetting, Steps
+from pipeline.settings.params import (
+    DIFFUSED,
+    MOVED,
+    Diffusion,
+    Params,
+    classical_names,
+    learned_names,
+)
 from pipeline.settings.sections import Section, SettingName
 from pipeline.settings.variants import AS_IT_IS, Variant
 
 if TYPE_CHECKING:
     from pcrdiff.models.diffused import DiffusedMethod
+
+
+VALIDATION_STEPS = 4
+"""Of a walk on its own answers."""
+SPREAD = ("constant", "gicp_multistart")
+"""The methods that learn nothing but how the training poses are spread."""
 
 
 def method_class(name: str) -> Callable[..., Any]:
@@ -50,8 +64,22 @@ def build_learned(
         ValueError: No such method, or the variant has a key that its network has not.
     """
     section = _section(name, methods)
-    given = {**_network(name, section, variant), **section.settings[setting].model_dump()}
+    chosen = section.settings[setting]
+    given = _network(name, section, variant)
+    starts = chosen.starts if isinstance(chosen, RefinedSetting) else None
+    if isinstance(chosen, Steps):
+        given["walk"] = _own_walk(given, chosen.steps, starts or 1)
+    elif starts is not None:
+        diffusion = diffusion.model_copy(update={"hypotheses": starts})
+    else:
+        given |= chosen.model_dump()
     return _build(name, given, diffusion)
+
+
+def _own_walk(network: dict[str, object], steps: int, hypotheses: int) -> Walk:
+    """The walk of a method that goes on from its own answers, first from the mode of the noise."""
+    T = cast(int, network.pop("timesteps"))
+    return Walk(T, steps, "feedback", hypotheses, spacing="quadratic", start="mode")
 
 
 def build_untrained(
@@ -67,6 +95,8 @@ def build_untrained(
     given = _network(name, _section(name, methods), variant)
     if "train_updates" in given:
         given["updates"] = given["train_updates"]
+    if name in MOVED:
+        given["walk"] = _own_walk(given, VALIDATION_STEPS, 1)
     return _build(name, given, diffusion)
 
 
@@ -95,7 +125,7 @@ def _section(name: str, methods: Methods) -> AnyLearned:
 def build_classical(
     name: str, methods: Methods, train: Callable[[], Pairs]
 ) -> Mapping[str, Method]:
-    """A method that learns nothing, once per setting; ``constant`` alone asks for ``train``.
+    """A method that learns nothing, once per setting; those of ``SPREAD`` alone ask for ``train``.
 
     Raises:
         ValueError: No such method.
@@ -104,9 +134,20 @@ def build_classical(
         raise ValueError(f"no classical method is called {name!r}")
     sections: Mapping[str, Section] = getattr(methods, name)
     make = method_class(name)
-    if name == "constant":
-        return dict.fromkeys(sections, make(train().T_target_source))
-    return {setting: make(**given.model_dump()) for setting, given in sections.items()}
+    known = {"T_training": train().T_target_source} if name in SPREAD else {}
+    return {setting: make(**known, **_given(section)) for setting, section in sections.items()}
+
+
+def _given(section: Section) -> dict[str, Any]:
+    """What a setting says, by the names of the method's arguments."""
+    if isinstance(section, RefinedSetting):
+        return {"starts": section.starts, "refinement": _refinement(section)}
+    return section.model_dump()
+
+
+def _refinement(section: RefinedSetting) -> Refinement:
+    given = section.model_dump(exclude={"starts"})
+    return Refinement(**given | {"distances": tuple(section.distances)})
 
 
 def load_settings(
@@ -120,9 +161,21 @@ def load_settings(
     if weights is None:
         return build_classical(name, params.methods, lambda: read_pairs(pairs, "train"))
     return {
-        setting: load_learned(name, setting, params.methods, params.diffusion, weights)
+        setting: _ready(
+            load_learned(name, setting, params.methods, params.diffusion, weights),
+            _section(name, params.methods).settings[setting],
+        )
         for setting in settings_of(name, params.methods)
     }
+
+
+def _ready(method: LearnedMethod, section: Section) -> Method:
+    """The method itself, or its walks as starts of a refinement."""
+    if not isinstance(section, RefinedSetting):
+        return method
+    from pcrdiff.models.diffused import RefinedWalks
+
+    return RefinedWalks(cast("DiffusedMethod[Any]", method), _refinement(section))
 
 
 def load_learned(

@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 from math import sqrt
+from typing import Literal
 
 import torch
 from jaxtyping import Float, Int
@@ -12,6 +13,7 @@ from pcrdiff.diffusion.shares import rows_drawn
 
 Vectors = Float[Tensor, "batch entries"]
 Times = Int[Tensor, " batch"]
+Spacing = Literal["even", "quadratic"]
 
 
 def q_sample(x_0: Vectors, t: Times, noise: Vectors, alphas_bar: AlphasBar) -> Vectors:
@@ -63,13 +65,18 @@ def ddim_step(x_0: Vectors, x_t: Vectors, t: int, s: int, alphas_bar: AlphasBar)
     return sqrt(a_s) * x_0 + sqrt(1 - a_s) * noise
 
 
-def time_pairs(timesteps: int, steps: int) -> list[tuple[int, int]]:
-    """The pairs (t, s) of ``steps`` even steps from ``timesteps`` down to 0 (Algorithm 2).
+def time_pairs(timesteps: int, steps: int, spacing: Spacing = "even") -> list[tuple[int, int]]:
+    """The pairs (t, s) of ``steps`` steps from ``timesteps`` down to 0 (Algorithm 2).
+
+    Quadratic times crowd towards 0, where little noise is left: the last of four even steps ends
+    a quarter of the way from there.
 
     Raises:
         ValueError: Not ``1 <= steps <= timesteps``.
     """
     if not 1 <= steps <= timesteps:
         raise ValueError(f"time_pairs needs 1 <= steps <= {timesteps}, got {steps}")
-    times = torch.linspace(timesteps, 0, steps + 1, dtype=torch.float64).round().int().tolist()
-    return list(pairwise(times))
+    share = torch.linspace(1, 0, steps + 1, dtype=torch.float64)
+    spaced = timesteps * (share if spacing == "even" else share.square())
+    least = torch.arange(steps, -1, -1)  # no time twice
+    return list(pairwise(torch.maximum(spaced.round().int(), least).tolist()))

@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-import small_gicp
 import torch
-from jaxtyping import Float, Float64
+from jaxtyping import Float64
 from scipy.spatial import cKDTree
-from torch import Tensor
 
 from pcrdiff.bindings.open3d_registration import FeatureMatching
+from pcrdiff.bindings.small_gicp import Surface, align
 from pcrdiff.geometry.rigid import check_pose, transform
 from pcrdiff.geometry.span import TOLERANCE, check_support
 from pcrdiff.registration import PairwiseMethod, Pose, Source, Target
@@ -32,16 +31,8 @@ class SmallGICP(FeatureMatching, PairwiseMethod):
     def answer_pair(self, source: Source, target: Target, *, generator: torch.Generator) -> Pose:
         """Start globally and refine; the generator decides which matches the start tries."""
         start = self.ransac(self.name, source, target, generator=generator)
-        p, q = surface(source), surface(target)
-        result = small_gicp.align(
-            q,
-            p,
-            init_T_target_source=start.numpy(),
-            registration_type="GICP",
-            max_correspondence_distance=self.max_distance,
-            max_iterations=self.max_iterations,
-            num_threads=1,
-        )
+        p, q = Surface(source.double().numpy()), Surface(target.double().numpy())
+        result = align(p, q, start.numpy(), "GICP", self.max_distance, self.max_iterations)
         T = torch.from_numpy(np.array(result.T_target_source))
         moved = result.converged or (start != T).any()
         if not (moved or _lies_on(source, target, start)):
@@ -65,10 +56,3 @@ def _matches(
     distances, nearest = cKDTree(q).query(transform(T, p).numpy())
     near = np.asarray(distances) <= reach
     return p.numpy()[near], q[np.asarray(nearest)[near]]
-
-
-def surface(points: Float[Tensor, "n 3"]) -> "small_gicp.PointCloud":
-    """A cloud of the library's, each point with the covariance of its 10 nearest."""
-    cloud = small_gicp.PointCloud(points.double().numpy())
-    small_gicp.estimate_covariances(cloud, num_neighbors=10)
-    return cloud

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import torch
 from jaxtyping import Float
@@ -14,8 +14,9 @@ from pcrdiff.diffusion.schedule import cosine_alphas_bar
 from pcrdiff.geometry.neighbors import nearest
 from pcrdiff.geometry.representation import RepresentationName
 from pcrdiff.geometry.rigid import transform
+from pcrdiff.hypotheses import Refinement, Starts, VerifiedMethod
 from pcrdiff.models.pose_space import PoseSpace, Scaling
-from pcrdiff.registration import LearnedMethod, Pairs, Poses, Sources, Targets
+from pcrdiff.registration import LearnedMethod, Pairs, Poses, Source, Sources, Target, Targets
 
 TRUSTED = 0.5  # share of the points, the closest ones, that a fit is judged by
 Encoded = TypeVar("Encoded")
@@ -54,6 +55,22 @@ class DiffusedMethod(LearnedMethod, Generic[Encoded]):
         encoded = self.encode(source, target)
         return self.walk_back(encoded, source, target, self.walk, generator=generator)
 
+    def decode(self, x_0: Vectors, encoded: Encoded) -> Poses:
+        """The T_target_source of a vector, for the clouds that were encoded."""
+        del encoded
+        return self.space.decode(x_0)
+
+    def propose(
+        self, encoded: Encoded, like: Sources, walk: Walk, *, generator: torch.Generator
+    ) -> Float[Tensor, "hypotheses batch 4 4"]:
+        """The end of every walk; ``like`` is either cloud."""
+
+        def denoise(x_t: Vectors, t: Times) -> Vectors:
+            return self.denoise(x_t.to(like), t, encoded)
+
+        found = sample(denoise, len(like), self.space.dim, walk, generator=generator)
+        return torch.stack([self.decode(x_0, encoded) for x_0 in found])
+
     def walk_back(
         self,
         encoded: Encoded,
@@ -67,12 +84,22 @@ class DiffusedMethod(LearnedMethod, Generic[Encoded]):
 
         The choice does not use the true pose: see :func:`misfit`.
         """
+        found = self.propose(encoded, source, walk, generator=generator)
+        return best_fit(list(found), source, target)
 
-        def denoise(x_t: Vectors, t: Times) -> Vectors:
-            return self.denoise(x_t.to(source), t, encoded)
 
-        found = sample(denoise, len(source), self.space.dim, walk, generator=generator)
-        return best_fit([self.space.decode(x_0) for x_0 in found], source, target)
+class RefinedWalks(VerifiedMethod):
+    """The ends of several walks as starts of a refinement; the one that fits best is the answer."""
+
+    def __init__(self, method: DiffusedMethod[Any], refinement: Refinement) -> None:
+        self.method, self.refinement = method, refinement
+        self.name, self.least_points = method.name, method.least_points
+
+    def propose(self, source: Source, target: Target, *, generator: torch.Generator) -> Starts:
+        """One pose for each of the method's ``hypotheses``."""
+        p, q = source.unsqueeze(0), target.unsqueeze(0)
+        encoded = self.method.encode(p, q)
+        return self.method.propose(encoded, p, self.method.walk, generator=generator)[:, 0]
 
 
 def best_fit(poses: Sequence[Poses], source: Sources, target: Targets) -> Poses:

@@ -1,17 +1,20 @@
 """What training minimises: Eqs. (15)-(17) and the terms of RPM-Net."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import pad
 
-from pcrdiff.geometry.neighbors import row_argmax
+from pcrdiff.geometry.neighbors import row_argmax, squared_distances
 from pcrdiff.geometry.rigid import invert, transform
 from pcrdiff.registration import Poses, Scalar, Sources, Targets
 
 INLIER_WEIGHT = 0.01  # Yew & Lee 2020, Sec. 4.4
+SAME_PLACE, LEAST_NEAR = 0.04, 0.3
+"""Deviation of a counterpart's place in the unit sphere; how near, in all, counterparts must be."""
 ROUND = 1e-4  # cloud units; below it a distance is too short to have a direction
 
 
@@ -61,6 +64,49 @@ def point_loss(estimated: Sources, true: Sources) -> Scalar:
 def inlier_loss(matches: Float[Tensor, "batch n m"]) -> Scalar:
     """How far rows and columns of the matches fall short of 1 (Yew & Lee 2020, Eq. 11)."""
     return (1 - matches.sum(dim=-1)).mean() + (1 - matches.sum(dim=-2)).mean()
+
+
+@dataclass(frozen=True)
+class Counterparts:
+    """Which points of two clouds are the same place; a row or a column without any is zero."""
+
+    of_source: Float[Tensor, "batch n m"]
+    """Each row's shares in the target's points."""
+    of_target: Float[Tensor, "batch n m"]
+    """Each column's shares in the source's."""
+
+
+@torch.no_grad()
+def counterparts(moved: Sources, target: Targets) -> Counterparts:
+    """The points of the other cloud near a point, by a Gaussian of their distance.
+
+    A point whose counterparts weigh less than ``LEAST_NEAR`` has none: it lies in no overlap.
+
+    Args:
+        moved: The source under the true pose.
+        target: The target.
+    """
+    squares = squared_distances(moved, target)
+    near = torch.exp(squares / (-2 * SAME_PLACE**2)) * (squares < (2.5 * SAME_PLACE) ** 2)
+    rows, columns = near.sum(dim=-1, keepdim=True), near.sum(dim=-2, keepdim=True)
+    shares = [
+        near / total.clamp(min=LEAST_NEAR) * (total > LEAST_NEAR) for total in (rows, columns)
+    ]
+    return Counterparts(*shares)
+
+
+def match_loss(scores: Float[Tensor, "batch n m"], true: Counterparts) -> Scalar:
+    """Cross-entropy of each point's true counterparts, both ways, mean over points and batch.
+
+    A point chooses among the other cloud's points and a slack of score 0, which is right for one
+    without a counterpart (as in SuperGlue, Sarlin et al. 2020, Eq. 10).
+    """
+    (_, n, m), batch = scores.shape, len(scores)
+    slack = scores.new_zeros(batch, n, 1), scores.new_zeros(batch, 1, m)
+    of_source = torch.cat([scores, slack[0]], dim=-1).logsumexp(dim=-1).mean()
+    of_target = torch.cat([scores, slack[1]], dim=-2).logsumexp(dim=-2).mean()
+    agreed = (true.of_source / n + true.of_target / m) * scores
+    return of_source + of_target - agreed.sum() / batch
 
 
 def rotation_loss(T_estimate: Poses, T_truth: Poses) -> Scalar:

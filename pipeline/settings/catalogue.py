@@ -68,6 +68,17 @@ class KISSMatcherSetting(Section):
     timeout: Positive
 
 
+class RefinedSetting(Section):
+    """Starts, refined and verified: see ``pcrdiff.hypotheses``; lengths in the unit sphere's."""
+
+    starts: Count
+    distances: Annotated[list[Positive], Field(min_length=1)]
+    polish: Positive
+    truncation: Positive
+    coarse_points: Count
+    finalists: Count
+
+
 class Updates(Section):
     """One setting of a method that updates its pose again and again."""
 
@@ -145,6 +156,27 @@ class CorrespondenceBased(Diffused):
     sinkhorn_iterations: Count
 
 
+class Moved(Section):
+    """PCRDiffusion CB moved; its walk is its own, apart from the one of ``diffusion``."""
+
+    timesteps: Count
+    feature_dim: MultipleOfFour
+    attention_layers: Count
+    sinkhorn_iterations: Count
+
+
+class Steps(Section):
+    """One setting of a method that walks on its own answers."""
+
+    steps: Count
+
+
+class RefinedSteps(RefinedSetting, Steps):
+    """Several such walks as starts of a refinement."""
+
+
+Walked = NoSetting | RefinedSetting
+"""The walk that ``diffusion`` says, or several such walks as starts of a refinement."""
 Network = TypeVar("Network", bound=Section)
 Setting = TypeVar("Setting", bound=Section)
 
@@ -159,8 +191,8 @@ class Learned(Section, Generic[Network, Setting]):
 AnyLearned = Learned[Section, Section]
 
 
-Kind = Literal["floor", "classical", "baseline", "diffused"]
-"""A floor is below what any method should reach; the last two are learned."""
+Kind = Literal["floor", "classical", "baseline", "diffused", "moved"]
+"""A floor is below what any method should reach; the last three are learned, the last two ours."""
 
 
 @dataclass(frozen=True)
@@ -197,6 +229,7 @@ class Methods(Section):
     ransac_fpfh: Settings[FeatureSetting] = entry("RANSAC on FPFH", "classical")
     small_gicp: Settings[SmallGICPSetting] = entry("small_gicp", "classical")
     kiss_matcher: Settings[KISSMatcherSetting] = entry("KISS-Matcher", "classical")
+    gicp_multistart: Settings[RefinedSetting] = entry("GICP, random starts", "classical")
     pointnetlk: Learned[LucasKanade, Updates] | None = entry("PointNetLK", "baseline")
     pcrnet: Learned[RepeatedRegression, Updates] | None = entry("PCRNet", "baseline")
     deepgmr: Learned[Mixture, NoSetting] | None = entry("DeepGMR", "baseline")
@@ -205,8 +238,11 @@ class Methods(Section):
     fmr: Learned[DecodedLucasKanade, Updates] | None = entry("FMR", "baseline")
     rpmnet: Learned[RepeatedMatching, Updates] | None = entry("RPMNet", "baseline")
     egst: Learned[RepeatedMatching, Updates] | None = entry("EGST", "baseline")
-    pcrdiffusion_cf: Learned[CorrespondenceFree, NoSetting] = entry("PCRDiffusion CF", "diffused")
-    pcrdiffusion_cb: Learned[CorrespondenceBased, NoSetting] = entry("PCRDiffusion CB", "diffused")
+    pcrdiffusion_cf: Learned[CorrespondenceFree, Walked] = entry("PCRDiffusion CF", "diffused")
+    pcrdiffusion_cb: Learned[CorrespondenceBased, Walked] = entry("PCRDiffusion CB", "diffused")
+    pcrdiffusion_cb_moved: Learned[Moved, Steps | RefinedSteps] | None = entry(
+        "PCRDiffusion CB moved", "moved"
+    )
 
 
 CATALOGUE = {

@@ -185,6 +185,8 @@ class Train(Section):
 
 DIFFUSED = tuple(name for name, row in CATALOGUE.items() if row.kind == "diffused")
 """The methods that walk a pose back from noise."""
+MOVED = names_of("moved")
+"""The methods that do so on their own answers, in a walk of their own."""
 SHOWN = {name: name.removeprefix("pcrdiffusion_") for name in DIFFUSED}
 """What the headline numbers call them."""
 
@@ -311,7 +313,7 @@ class Params(Section):
         """
         named: list[tuple[str, Iterable[str], Sequence[str]]] = [
             ("run.diffused", self.run.diffused, DIFFUSED),
-            ("run.baselines", self.run.baselines, names_of("baseline")),
+            ("run.baselines", self.run.baselines, names_of("baseline", "moved")),
             ("train", self.train.__pydantic_extra__, learned_names()),
             ("trainings", self.trainings, learned_names()),
             ("run.classical", self.run.classical, classical_names()),
@@ -380,7 +382,7 @@ def shown_scenario(name: str) -> str:
 
 def learned_names() -> list[str]:
     """The methods that are trained."""
-    return names_of("baseline", "diffused")
+    return names_of("baseline", "diffused", "moved")
 
 
 def classical_names() -> list[str]:

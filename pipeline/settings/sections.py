@@ -20,11 +20,12 @@ Scaling = Literal["raw", "standardised"]
 Fusion = Literal["source", "target", "concat"]
 WithOrWithout = Literal["with", "without"]
 """These four are the library's own names; written again here, since it takes seconds to import."""
-Sampler = Literal["ddpm", "ddim"]
+Sampler = Literal["ddpm", "ddim", "feedback"]
 SearchPrecision = Literal["float32", "bfloat16", "auto"]
 """Precision of the search for PointNet's maxima; see ``pcrdiff.geometry.precision``."""
-SettingName = Literal["paper", "official"]
-"""The paper's iteration counts, or the authors' own settings."""
+SettingName = Literal["paper", "official", "one_step", "four_steps", "refined"]
+"""The paper's iteration counts, the authors' own settings, steps of a walk that sees the pose, or
+starts that are refined and verified."""
 
 
 def _check_name(name: str) -> str:

@@ -7,6 +7,7 @@ import torch
 
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.geometry.representation import RepresentationName
+from pcrdiff.hypotheses import Refinement
 from pcrdiff.methods.constant import Constant
 from pcrdiff.methods.dcp_v1 import DCPv1
 from pcrdiff.methods.dcp_v2 import DCPv2
@@ -15,6 +16,7 @@ from pcrdiff.methods.egst import EGST
 from pcrdiff.methods.fgr import FGR
 from pcrdiff.methods.fmr import FMR
 from pcrdiff.methods.gicp import GICP
+from pcrdiff.methods.gicp_multistart import GICPMultistart
 from pcrdiff.methods.icp import ICP
 from pcrdiff.methods.icp_centroid import ICPCentroid
 from pcrdiff.methods.identity import Identity
@@ -104,6 +106,11 @@ CLASSICAL: dict[str, Callable[[], Method]] = {
     "fgr": make_fgr,
     "ransac_fpfh": lambda: RansacFPFH(max_distance=0.025, **FPFH),
     "small_gicp": lambda: SmallGICP(max_iterations=20, max_distance=0.025, **FPFH),
+    "gicp_multistart": lambda: GICPMultistart(
+        random_poses(5, generator=seeded(0)),
+        starts=64,
+        refinement=Refinement((0.5, 0.1), 0.05, 0.1, coarse_points=64, finalists=3),
+    ),
     "kiss_matcher": lambda: KISSMatcher(voxel_size=0.05, timeout=60.0),
 }
 LEARNED: dict[str, Callable[[], LearnedMethod]] = {
