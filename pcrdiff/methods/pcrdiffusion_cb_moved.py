@@ -127,7 +127,7 @@ class PCRDiffusionCBMoved(DiffusedMethod[Encoded]):
         """Where the points come to lie, and which of them match, under several poses of each pair.
 
         Half of the poses are true ones, corrupted (Algorithm 1). The others are those of a walk
-        that begins in the mode or in noise and goes on from its own answers, at random times.
+        that begins in the mode or in noise and goes on from its own answers.
         """
         encoded = self.encode(pairs.source, pairs.target)
         T_true = pairs.T_target_source.to(pairs.source)
@@ -143,8 +143,7 @@ class PCRDiffusionCBMoved(DiffusedMethod[Encoded]):
         for _ in range(WALKED):
             T, terms = self.terms(x_t, t, encoded, *true)
             found.append(terms)
-            x_t = self.space.encode(T.detach())
-            _, t = corrupt(x_0, self.alphas_bar, generator=generator)
+            x_t, t = self.space.encode(T.detach()), earlier(t, generator=generator)
         return {name: torch.stack([each[name] for each in found]).mean() for name in found[0]}
 
     def terms(
@@ -166,6 +165,13 @@ class PCRDiffusionCBMoved(DiffusedMethod[Encoded]):
         noise[::2] = 0
         t = torch.full((len(x_0),), len(self.alphas_bar) - 1, device=x_0.device)
         return noise[mine].to(x_0), t
+
+
+def earlier(t: Times, *, generator: torch.Generator) -> Times:
+    """A random time between a tenth and seven tenths of ``t``: what steps of a short walk skip."""
+    batch, mine = rows_drawn(len(t), generator)
+    share = 0.1 + 0.6 * torch.rand(batch, generator=generator)[mine].to(t.device)
+    return (t * share).long().clamp(min=1)
 
 
 def between_centroids(

@@ -31,7 +31,13 @@ from pipeline.reporting.showing import (
 )
 from pipeline.settings.variants import TRAINED
 
-SETTINGS = {"paper": "the paper's iteration counts", "official": "the authors' own settings"}
+SETTINGS = {
+    "paper": "the paper's iteration counts",
+    "official": "the authors' own settings",
+    "one_step": "one step of the walk",
+    "four_steps": "four steps of the walk, each fed with the answer of the last",
+    "refined": "several starts, each refined by generalized ICP, the best fit kept",
+}
 LEARNED_SETTINGS = {"official": "the authors' own number of updates"}
 """Its network may be a smaller one than theirs; the training says its size."""
 NOT_BELOW = {"constant": "†", "icp_centroid": "‡"}
@@ -97,7 +103,7 @@ class Line:
     @property
     def aside(self) -> str:
         """The setting as it stands beside the name; empty for the paper's."""
-        return "" if self.setting == "paper" else self.setting.replace(",", ", ")
+        return "" if self.setting == "paper" else self.setting.replace(",", ", ").replace("_", " ")
 
     @property
     def is_floor(self) -> bool:
