@@ -116,6 +116,16 @@ def test_as_many_steps_as_times_visit_them_all() -> None:
     assert time_pairs(1000, 4) == [(1000, 750), (750, 500), (500, 250), (250, 0)]
 
 
+def test_quadratic_times_crowd_towards_zero_and_never_meet() -> None:
+    assert time_pairs(1000, 4, "quadratic") == [(1000, 562), (562, 250), (250, 62), (62, 0)]
+    for timesteps in (20, 1000):
+        for steps in range(1, 21):
+            pairs = time_pairs(timesteps, steps, "quadratic")
+            times = [timesteps, *(s for _, s in pairs)]
+            assert all(t > s for t, s in pairwise(times))
+            assert times[-1] == 0
+
+
 def test_steps_are_even_strictly_falling_and_joined() -> None:
     for timesteps in range(1, 40):
         for steps in range(1, timesteps + 1):

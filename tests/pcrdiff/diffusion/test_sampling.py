@@ -11,8 +11,8 @@ from pcrdiff.diffusion.sampling import Denoiser, Walk, draw_noise, sample
 from pcrdiff.diffusion.schedule import cosine_alphas_bar
 from tests.pcrdiff.synthetic_clouds import seeded
 
-Sampler = Literal["ddpm", "ddim"]
-SAMPLERS: list[Sampler] = ["ddpm", "ddim"]
+Sampler = Literal["ddpm", "ddim", "feedback"]
+SAMPLERS: list[Sampler] = ["ddpm", "ddim", "feedback"]
 
 
 class Perfect:
@@ -129,3 +129,29 @@ def test_hypotheses_are_walks_from_noises_of_their_own() -> None:
     one_by_one = seeded(11)
     loop = [sample(shrink, 1, 7, walk, generator=one_by_one) for _ in range(5)]
     torch.testing.assert_close(answers, torch.cat(loop, dim=1))
+
+
+def test_feedback_asks_about_its_own_answers() -> None:
+    answers = list[Tensor]()
+
+    def denoise(x_t: Tensor, t: Tensor) -> Tensor:
+        if answers:
+            assert torch.equal(x_t, answers[-1])
+        answers.append(shrink(x_t, t))
+        return answers[-1]
+
+    sample(denoise, 2, 7, Walk(1000, 4, "feedback"), generator=seeded(2))
+    assert len(answers) == 4
+
+
+def test_from_the_mode_only_the_first_walk_begins_without_noise() -> None:
+    denoise = Perfect(torch.zeros(2, 7))
+    walk = Walk(1000, 1, "feedback", hypotheses=3, start="mode")
+    sample(denoise, 2, 7, walk, generator=seeded(2))
+    assert [bool((x_t == 0).all()) for x_t in denoise.asked] == [True, False, False]
+
+
+def test_quadratic_walks_visit_quadratic_times() -> None:
+    denoise = Perfect(torch.zeros(2, 7))
+    sample(denoise, 2, 7, Walk(1000, 4, "ddpm", spacing="quadratic"), generator=seeded(2))
+    assert denoise.times == [t for t, _ in time_pairs(1000, 4, "quadratic")]

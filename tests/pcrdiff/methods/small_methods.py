@@ -1,7 +1,7 @@
 """One small copy of every method, and clouds that each of them can read."""
 
 from collections.abc import Callable
-from typing import TypedDict, TypeVar
+from typing import Any, TypedDict, TypeVar
 
 import torch
 
@@ -22,6 +22,7 @@ from pcrdiff.methods.icp_centroid import ICPCentroid
 from pcrdiff.methods.identity import Identity
 from pcrdiff.methods.kiss_matcher import KISSMatcher
 from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
+from pcrdiff.methods.pcrdiffusion_cb_moved import PCRDiffusionCBMoved
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.methods.pcrnet import PCRNet
 from pcrdiff.methods.pointnetlk import PointNetLK
@@ -29,13 +30,15 @@ from pcrdiff.methods.ransac_fpfh import RansacFPFH
 from pcrdiff.methods.rpmnet import RPMNet
 from pcrdiff.methods.small_gicp import SmallGICP
 from pcrdiff.methods.trimmed_icp import TrimmedICP
+from pcrdiff.models.diffused import DiffusedMethod
 from pcrdiff.models.pose_encoder import Diffusion, Fusion
 from pcrdiff.models.pose_space import Scaling
 from pcrdiff.models.refinement import RefinedMethod
 from pcrdiff.registration import LearnedMethod, Method
-from tests.pcrdiff.synthetic_clouds import random_poses, seeded
+from tests.pcrdiff.synthetic_clouds import random_poses, seeded, synthetic_pairs
 
 WALK = Walk(timesteps=20, steps=3, sampler="ddpm")
+OWN_WALK = Walk(timesteps=20, steps=3, sampler="feedback", spacing="quadratic", start="mode")
 
 
 class Features(TypedDict):
@@ -96,6 +99,17 @@ def make_matching(kind: Callable[..., Refined]) -> Refined:
     )
 
 
+Moved = TypeVar("Moved", bound=DiffusedMethod[Any])
+
+
+def make_moved(kind: Callable[..., Moved], walk: Walk = OWN_WALK, **given: int) -> Moved:
+    """A method that moves what it knows of the source, as if it had been prepared."""
+    torch.manual_seed(0)
+    method = kind(walk, feature_dim=16, attention_layers=1, **given)
+    method.prepare(synthetic_pairs(8, 40, generator=seeded(3)))
+    return method
+
+
 CLASSICAL: dict[str, Callable[[], Method]] = {
     "identity": Identity,
     "constant": lambda: Constant(random_poses(5, generator=seeded(0))),
@@ -126,9 +140,12 @@ LEARNED: dict[str, Callable[[], LearnedMethod]] = {
     "egst": lambda: make_matching(EGST),
     "pcrdiffusion_cf": make_cf,
     "pcrdiffusion_cb": make_cb,
+    "pcrdiffusion_cb_moved": lambda: make_moved(PCRDiffusionCBMoved, sinkhorn_iterations=5),
 }
 DIFFUSED = ("pcrdiffusion_cf", "pcrdiffusion_cb")
 """Those that draw while they register."""
+FROM_THE_MODE = ("pcrdiffusion_cb_moved",)
+"""Those that draw in training alone: their first walk begins in the mode of the noise."""
 
 
 def make_method(name: str) -> Method:
