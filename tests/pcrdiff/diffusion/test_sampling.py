@@ -84,7 +84,7 @@ def test_ddim_walks_from_the_same_noise_without_drawing_more() -> None:
     torch.testing.assert_close(noise[2], noise[0], atol=1e-3, rtol=0)
 
 
-@pytest.mark.parametrize("sampler", SAMPLERS)
+@pytest.mark.parametrize("sampler", ["ddpm", "ddim"])
 def test_walking_with_a_perfect_denoiser_visits_the_process_itself(sampler: Sampler) -> None:
     count, x_0 = 20_000, torch.tensor([[3.0, -1.0]])
     denoise = Perfect(x_0.repeat(count, 1))
