@@ -8,11 +8,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from pydantic import ValidationError
+
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.hypotheses import Refinement
 from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.formats.pairs import read_pairs
-from pipeline.formats.weights import read_weights
+from pipeline.formats.weights import read_facts, read_weights
 from pipeline.settings.catalogue import AnyLearned, Methods, RefinedSetting, Steps
 from pipeline.settings.params import (
     DIFFUSED,
@@ -173,9 +175,30 @@ def _ready(method: LearnedMethod, section: Section) -> Method:
     """The method itself, or its walks as starts of a refinement."""
     if not isinstance(section, RefinedSetting):
         return method
-    from pcrdiff.models.diffused import RefinedWalks
+    from pcrdiff.models.refined_walks import RefinedWalks
 
     return RefinedWalks(cast("DiffusedMethod[Any]", method), _refinement(section))
+
+
+def load_shipped(params: Params, name: str, weights: Path) -> Mapping[str, Method]:
+    """A method with weights that came with the code, in each of its settings.
+
+    Its network is the one that the weights say; its settings are those of params.yaml.
+
+    Raises:
+        FileNotFoundError, ValueError: The weights are not there or not what they should be, or
+            their network is none that this code knows.
+    """
+    own = _section(name, params.methods)
+    network = type(own.network)
+    try:
+        told = network.model_validate(read_facts(weights).get("network"))
+    except ValidationError as error:
+        raise ValueError(f"{weights} is of a network that {name} is not: {error}") from error
+    section = own.model_copy(update={"network": told})
+    methods = params.methods.model_copy(update={name: section})
+    changed = params.model_copy(update={"methods": methods})
+    return load_settings(changed, name, weights, weights)
 
 
 def load_learned(

@@ -1,16 +1,18 @@
-"""DVC stages ``evaluate``, ``evaluate_baselines`` and ``evaluate_classical``: a method's answers."""
+"""DVC stages ``evaluate``, ``evaluate_{baselines,classical,shipped}``: a method's answers."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from pcrdiff.geometry.precision import search_precision
+from pcrdiff.registration import Method
 from pipeline.answering import answer_settings, headline, mean_error_r_deg
 from pipeline.compute.machine import settle
 from pipeline.formats.answers import write_estimates
+from pipeline.formats.files import write_json
 from pipeline.formats.pairs import read_pairs
-from pipeline.formats.weights import WEIGHTS
-from pipeline.loading import load_settings
+from pipeline.formats.weights import WEIGHTS, read_facts, shipped_setting
+from pipeline.loading import load_settings, load_shipped
 from pipeline.settings.params import SHOWN, Params, pick, read_params, shown_scenario
 from pipeline.tracking.journal import journal
 
@@ -21,30 +23,48 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--method", required=True)
     parser.add_argument("--pairs", type=Path, required=True, help="folder of the pair files")
     parser.add_argument("--models", type=Path, help="folder of the method, if it is a learned one")
+    parser.add_argument("--shipped", type=Path, help="folder of weights that came with the code")
     parser.add_argument("--answers", type=Path, required=True)
     args = parser.parse_args(argv)
 
     params = read_params()
     shown = {"method": args.method}
-    if args.models:
+    if args.models or args.shipped:
         settle(params.threads, params.search_precision)
         shown["search_precision"] = search_precision()
     else:
         settle(params.threads)
     if args.method in SHOWN:
         shown |= {key: str(value) for key, value in params.diffusion.model_dump().items()}
-    inputs = [args.pairs, args.models] if args.models else [args.pairs]
+    inputs = [path for path in (args.pairs, args.models, args.shipped) if path]
     with journal(params=shown, inputs=inputs) as notes:
         errors = {}
-        for scenario, weights in weights_by_scenario(params, args.method, args.models).items():
+        for scenario, settings in all_settings(params, args):
             pairs = args.pairs / f"{scenario}.h5"
-            settings = load_settings(params, args.method, pairs, weights)
             test = read_pairs(pairs, "test")
             answers = answer_settings(params, settings, test)
-            write_estimates(args.answers / f"{scenario}.csv", test, answers)
             errors[scenario] = mean_error_r_deg(test, headline(answers))
+            if args.shipped:
+                answers = {shipped_setting(name): given for name, given in answers.items()}
+            write_estimates(args.answers / f"{scenario}.csv", test, answers)
         notes.metrics(shown_errors(args.method, errors))
         notes.artifact(args.answers)
+
+
+def all_settings(
+    params: Params, args: argparse.Namespace
+) -> Iterator[tuple[str, Mapping[str, Method]]]:
+    """The scenarios that a method answers, and the method for each in all its settings."""
+    if args.shipped:
+        for scenario in params.run.scenarios:
+            weights = args.shipped / f"{scenario}.safetensors"
+            if weights.is_file():
+                write_json(args.answers / f"{scenario}.json", read_facts(weights))
+                yield scenario, load_shipped(params, args.method, weights)
+        return
+    for scenario, weights in weights_by_scenario(params, args.method, args.models).items():
+        pairs = args.pairs / f"{scenario}.h5"
+        yield scenario, load_settings(params, args.method, pairs, weights)
 
 
 def weights_by_scenario(

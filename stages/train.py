@@ -249,8 +249,10 @@ def facts_of(
         "nodes": params.train.nodes,
         "threads": params.threads,
         "search_precision": search_precision(),
+        "data": _origin(training.pairs),
         "train_pairs": train_pairs,
         "epoch_pairs": trainer.pairs_per_epoch,
+        "network": training_params(params, training)["network"],
         "parameters": sum(p.numel() for p in trainer.method.parameters()),
         "best_epoch": state.best_epoch,
         "val_error_r_deg": state.best_error if math.isfinite(state.best_error) else None,
@@ -260,6 +262,12 @@ def facts_of(
     if training.variant:
         facts["settings"] = settings_trained(params, training.method, training.variant)
     return facts
+
+
+def _origin(pairs: Path) -> dict[str, object]:
+    """Of which data set the pairs are, where it came from and under which licence."""
+    made = read_attributes(pairs)["provenance"]
+    return {key: made.get(key) for key in ("dataset", "source", "licence")}
 
 
 def _process(params: Params, method: str) -> dict[str, int]:

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import torch
 from jaxtyping import Float
@@ -14,9 +14,8 @@ from pcrdiff.diffusion.schedule import cosine_alphas_bar
 from pcrdiff.geometry.neighbors import nearest
 from pcrdiff.geometry.representation import RepresentationName
 from pcrdiff.geometry.rigid import transform
-from pcrdiff.hypotheses import Refinement, Starts, VerifiedMethod
 from pcrdiff.models.pose_space import PoseSpace, Scaling
-from pcrdiff.registration import LearnedMethod, Pairs, Poses, Source, Sources, Target, Targets
+from pcrdiff.registration import LearnedMethod, Pairs, Poses, Sources, Targets
 
 TRUSTED = 0.5  # share of the points, the closest ones, that a fit is judged by
 Encoded = TypeVar("Encoded")
@@ -86,20 +85,6 @@ class DiffusedMethod(LearnedMethod, Generic[Encoded]):
         """
         found = self.propose(encoded, source, walk, generator=generator)
         return best_fit(list(found), source, target)
-
-
-class RefinedWalks(VerifiedMethod):
-    """The ends of several walks as starts of a refinement; the one that fits best is the answer."""
-
-    def __init__(self, method: DiffusedMethod[Any], refinement: Refinement) -> None:
-        self.method, self.refinement = method, refinement
-        self.name, self.least_points = method.name, method.least_points
-
-    def propose(self, source: Source, target: Target, *, generator: torch.Generator) -> Starts:
-        """One pose for each of the method's ``hypotheses``."""
-        p, q = source.unsqueeze(0), target.unsqueeze(0)
-        encoded = self.method.encode(p, q)
-        return self.method.propose(encoded, p, self.method.walk, generator=generator)[:, 0]
 
 
 def best_fit(poses: Sequence[Poses], source: Sources, target: Targets) -> Poses:

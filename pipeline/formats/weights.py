@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 WEIGHTS, CURVE, FACTS = "weights.safetensors", "curve.csv", "facts.json"
 """The files of a training, in a folder of its own."""
+SHIPPED = "shipped"
+"""How tables, and folders of results, tell weights that came with the code."""
 
 
 def write_weights(path: Path, weights: Mapping[str, Tensor], facts: Mapping[str, object]) -> None:
@@ -25,8 +27,37 @@ def write_weights(path: Path, weights: Mapping[str, Tensor], facts: Mapping[str,
     write_atomically(path, save(tensors, {"facts": json.dumps(facts, sort_keys=True)}))
 
 
+def read_facts(path: Path) -> dict[str, Any]:
+    """Read the record of what weights are: which method's, its network, its training.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: It is not a safetensors file, or has no such record.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"weights are needed at {path}, there are none")
+    try:
+        with safe_open(path, framework="pt") as file:
+            facts = json.loads((file.metadata() or {}).get("facts", "null"))
+    except (SafetensorError, ValueError) as error:
+        raise ValueError(f"{path} is not a safetensors file of ours: {error}") from error
+    if not isinstance(facts, dict):
+        raise ValueError(f"{path} needs a record of its training, has none")
+    return facts
+
+
+def shipped_setting(setting: str) -> str:
+    """What the tables call a setting of a method whose weights came with the code."""
+    return f"{SHIPPED} {setting}".removesuffix(" paper")
+
+
+def halved(weights: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """The same weights with matrices in float16, half as large; vectors and buffers as they are."""
+    return {name: value.half() if value.dim() > 1 else value for name, value in weights.items()}
+
+
 def read_weights(path: Path, method: str) -> dict[str, Tensor]:
-    """Read the weights of ``method``.
+    """Read the weights of ``method``, in float32 however they are stored.
 
     Raises:
         FileNotFoundError: There is no such file.
@@ -39,7 +70,7 @@ def read_weights(path: Path, method: str) -> dict[str, Tensor]:
             of = _method_of((file.metadata() or {}).get("facts", "{}"))
             if of != method:
                 raise ValueError(f"{path} needs weights of {method}, has {of}")
-            return {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            return {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
     except SafetensorError as error:
         raise ValueError(f"{path} is not a safetensors file: {error}") from error
 

@@ -14,7 +14,7 @@ from pipeline.formats.answers import ANSWER
 from pipeline.formats.files import read_csv
 from pipeline.formats.pairs import read_attributes, read_pairs
 from pipeline.formats.walks import RecordedWalk, read_walks
-from pipeline.formats.weights import CURVE, FACTS
+from pipeline.formats.weights import CURVE, FACTS, SHIPPED
 from pipeline.reporting.paper import ABLATIONS as ABLATED
 from pipeline.reporting.paper import TIMING, UNSEEN_OBJECTS, place
 
@@ -37,7 +37,7 @@ def choose(frame: pd.DataFrame, **wanted: object) -> pd.DataFrame:
 
 
 def read_answers(folder: Path) -> pd.DataFrame:
-    """Read ``<method>/<scenario>.csv``, ``ablations/<name>.csv`` and ``ablations/noise/*.csv``.
+    """Read ``<method>/<scenario>.csv``, ``shipped/*/*.csv``, ``ablations/*.csv``, ``ablations/noise/*.csv``.
 
     Returns:
         A row for each answer to a pair, in the order of the sets and of the pairs. Besides the
@@ -50,7 +50,8 @@ def read_answers(folder: Path) -> pd.DataFrame:
         ValueError: One is cut short or ill-formed, or its pairs are not those of its neighbours.
     """
     main = [file for file in folder.glob("*/*.csv") if file.parent.name != TIMES]
-    files = sorted([*main, *folder.glob(f"{ABLATIONS}/{NOISE}/*.csv")])
+    deeper = [*folder.glob(f"{ABLATIONS}/{NOISE}/*.csv"), *folder.glob(f"{SHIPPED}/*/*.csv")]
+    files = sorted([*main, *deeper])
     if not files:
         raise FileNotFoundError(f"{folder} needs a <method>/<scenario>.csv, found none")
     answers = pd.concat([_read_texts(file) for file in files], ignore_index=True)
@@ -207,6 +208,19 @@ def read_trainings(folder: Path) -> list[Training]:
     """
     found = [_read_training(folder, file) for file in sorted(folder.glob(f"**/{FACTS}"))]
     return sorted(found, key=lambda one: one.setting != "")
+
+
+def read_shipped(results: Path) -> list[Training]:
+    """Read what ``shipped/<method>/<scenario>.json`` says of the training of weights that came along.
+
+    Raises:
+        ValueError: A file is cut short or not what it should be.
+    """
+    found = []
+    for file in sorted(results.glob(f"{SHIPPED}/*/*.json")):
+        facts, no_curve = _read_object(file), _read_curve(file.with_suffix(".curve"))
+        found.append(Training(file.stem, file.parent.name, facts, no_curve, (SHIPPED,)))
+    return found
 
 
 def _read_training(folder: Path, file: Path) -> Training:

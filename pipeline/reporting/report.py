@@ -22,6 +22,7 @@ from pipeline.reporting.reading import (
     read_all_walks,
     read_answers,
     read_pair_files,
+    read_shipped,
     read_times,
     read_trainings,
 )
@@ -80,7 +81,8 @@ def make_contents(
     """
     answers, walks, times = read_answers(results), read_all_walks(results), read_times(results)
     files = read_pair_files(pairs, [*answers["scenario"].unique(), *walks])
-    trainings, examples = read_trainings(models), choose_examples(answers, files)
+    trainings = [*read_trainings(models), *read_shipped(results)]
+    examples = choose_examples(answers, files)
     numbers = make_numbers(answers, times, measure_difficulty(files), seed=BOOTSTRAP_SEED)
     everything = pd.concat([numbers, spread_over_draws(numbers)], ignore_index=True)
     return Contents(

@@ -6,6 +6,7 @@ from math import isnan
 
 import pandas as pd
 
+from pipeline.formats.weights import SHIPPED
 from pipeline.reporting.paper import (
     ABLATIONS,
     BOUND,
@@ -282,12 +283,14 @@ def _absent(key: Key, lines: Sequence[Line]) -> tuple[str, ...]:
 def _note(line: Line, key: Key, budgets: Budgets, file: PairFile) -> str:
     """Say of a line its setting, its data and its training, and what the paper says of it."""
     table, _, ablation, _ = key
-    setting = SETTINGS.get(line.setting, line.setting)
-    training = "nothing trained"
+    training, setting = "nothing trained", SETTINGS.get(own := _own(line.setting), own)
     if shown(line.method).kind == "learned":
-        setting = LEARNED_SETTINGS.get(line.setting, setting)
+        setting = LEARNED_SETTINGS.get(own, setting)
         budget = _budget(line, key, budgets)
         training = describe_budget(budget) if budget else "training budget not recorded"
+        if budget and line.setting != own:
+            source = budget.budget.get("data", {}).get("source", "unknown")
+            training = f"weights that came with the code, from {source} data, {training}"
     varies = "=" in setting  # the line names it
     said = [*([] if varies else [f"Setting: {setting}."]), f"Data: {file.source}."]
     said.append(f"Training: {training}.")
@@ -306,9 +309,20 @@ def _note(line: Line, key: Key, budgets: Budgets, file: PairFile) -> str:
     return " ".join(said)
 
 
+def _own(setting: str) -> str:
+    """The setting itself, whether or not its weights came with the code."""
+    return setting.removeprefix(SHIPPED).strip() or "paper" if _ships(setting) else setting
+
+
+def _ships(setting: str) -> bool:
+    return setting.partition(" ")[0] == SHIPPED
+
+
 def _budget(line: Line, key: Key, budgets: Budgets) -> Training | None:
     """Find the training behind a line: the ablation's own, or the one whose weights it took."""
     _, scenario, ablation, _ = key
+    if _ships(line.setting):
+        return budgets.get((scenario, line.method, SHIPPED))
     if ablation in TRAINED and "=" in line.setting:
         return budgets.get((scenario, line.method, line.setting))
     return budgets.get((TRAINED_ON_NOISE if ablation == NOISE else scenario, line.method, ""))

@@ -42,6 +42,8 @@ class Run(Section):
     baselines: Distinct[str]
     """The other learned methods, each trained on the scenarios that ``trainings`` gives it."""
     classical: Distinct[str]
+    shipped: Distinct[str]
+    """Learned methods whose weights came with the code; answer the scenarios that these are for."""
 
 
 class Compute(Section):
@@ -316,6 +318,7 @@ class Params(Section):
             ("run.baselines", self.run.baselines, names_of("baseline", "moved")),
             ("train", self.train.__pydantic_extra__, learned_names()),
             ("trainings", self.trainings, learned_names()),
+            ("run.shipped", self.run.shipped, learned_names()),
             ("run.classical", self.run.classical, classical_names()),
             ("ablation.methods", self.ablation.methods, DIFFUSED),
             ("ablation.noise.methods", self.ablation.noise.methods, sorted(CATALOGUE)),
