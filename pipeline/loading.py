@@ -15,7 +15,7 @@ from pcrdiff.hypotheses import Refinement
 from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.weights import read_facts, read_weights
-from pipeline.settings.catalogue import AnyLearned, Methods, RefinedSetting, Steps
+from pipeline.settings.catalogue import AnyLearned, Methods
 from pipeline.settings.params import (
     DIFFUSED,
     MOVED,
@@ -66,15 +66,14 @@ def build_learned(
         ValueError: No such method, or the variant has a key that its network has not.
     """
     section = _section(name, methods)
-    chosen = section.settings[setting]
     given = _network(name, section, variant)
-    starts = chosen.starts if isinstance(chosen, RefinedSetting) else None
-    if isinstance(chosen, Steps):
-        given["walk"] = _own_walk(given, chosen.steps, starts or 1)
-    elif starts is not None:
-        diffusion = diffusion.model_copy(update={"hypotheses": starts})
-    else:
-        given |= chosen.model_dump()
+    chosen = section.settings[setting].model_dump()
+    refined = chosen.pop("refined", None)
+    if name in MOVED:
+        given["walk"] = _own_walk(given, chosen.pop("steps"), refined["starts"] if refined else 1)
+    elif refined:
+        diffusion = diffusion.model_copy(update={"hypotheses": refined["starts"]})
+    given |= chosen
     return _build(name, given, diffusion)
 
 
@@ -142,14 +141,14 @@ def build_classical(
 
 def _given(section: Section) -> dict[str, Any]:
     """What a setting says, by the names of the method's arguments."""
-    if isinstance(section, RefinedSetting):
-        return {"starts": section.starts, "refinement": _refinement(section)}
-    return section.model_dump()
+    given = section.model_dump()
+    if "refinement" in given:
+        given["refinement"] = _refinement(given["refinement"])
+    return given
 
 
-def _refinement(section: RefinedSetting) -> Refinement:
-    given = section.model_dump(exclude={"starts"})
-    return Refinement(**given | {"distances": tuple(section.distances)})
+def _refinement(given: Mapping[str, Any]) -> Refinement:
+    return Refinement(**{**given, "distances": tuple(given["distances"])})
 
 
 def load_settings(
@@ -173,11 +172,13 @@ def load_settings(
 
 def _ready(method: LearnedMethod, section: Section) -> Method:
     """The method itself, or its walks as starts of a refinement."""
-    if not isinstance(section, RefinedSetting):
+    refined = section.model_dump().get("refined")
+    if refined is None:
         return method
     from pcrdiff.models.refined_walks import RefinedWalks
 
-    return RefinedWalks(cast("DiffusedMethod[Any]", method), _refinement(section))
+    refinement = _refinement(refined["refinement"])
+    return RefinedWalks(cast("DiffusedMethod[Any]", method), refinement)
 
 
 def load_shipped(params: Params, name: str, weights: Path) -> Mapping[str, Method]:

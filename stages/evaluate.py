@@ -38,17 +38,27 @@ def main(argv: list[str] | None = None) -> None:
         shown |= {key: str(value) for key, value in params.diffusion.model_dump().items()}
     inputs = [path for path in (args.pairs, args.models, args.shipped) if path]
     with journal(params=shown, inputs=inputs) as notes:
-        errors = {}
-        for scenario, settings in all_settings(params, args):
-            pairs = args.pairs / f"{scenario}.h5"
-            test = read_pairs(pairs, "test")
-            answers = answer_settings(params, settings, test)
-            errors[scenario] = mean_error_r_deg(test, headline(answers))
-            if args.shipped:
-                answers = {shipped_setting(name): given for name, given in answers.items()}
-            write_estimates(args.answers / f"{scenario}.csv", test, answers)
+        errors = {
+            scenario: answer_scenario(params, args, scenario, settings)
+            for scenario, settings in all_settings(params, args)
+        }
+        if not errors:
+            raise ValueError(f"{args.shipped} needs weights for one of {params.run.scenarios}")
         notes.metrics(shown_errors(args.method, errors))
         notes.artifact(args.answers)
+
+
+def answer_scenario(
+    params: Params, args: argparse.Namespace, scenario: str, settings: Mapping[str, Method]
+) -> float:
+    """Write the answers to one scenario's test pairs; return the headline's error in degrees."""
+    test = read_pairs(args.pairs / f"{scenario}.h5", "test")
+    answers = answer_settings(params, settings, test)
+    error = mean_error_r_deg(test, headline(answers))
+    if args.shipped:
+        answers = {shipped_setting(name): given for name, given in answers.items()}
+    write_estimates(args.answers / f"{scenario}.csv", test, answers)
+    return error
 
 
 def all_settings(

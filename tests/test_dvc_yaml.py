@@ -269,7 +269,8 @@ def test_the_steps_of_the_walk_concern_only_what_samples() -> None:
     }
     evaluated = {f"evaluate@{method}" for method in TABLES["run"]["diffused"]}
     noisy = {f"ablate_noise@{method}" for method in TABLES["ablation"]["noise"]["methods"]}
-    assert concerned == {*evaluated, *noisy, "ablate", "time"}
+    shipped = {f"evaluate_shipped@{method}" for method in TABLES["run"]["shipped"]}
+    assert concerned == {*evaluated, *noisy, *shipped, "ablate", "time"}
 
 
 def test_every_declared_param_exists() -> None:

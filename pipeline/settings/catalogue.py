@@ -68,15 +68,21 @@ class KISSMatcherSetting(Section):
     timeout: Positive
 
 
-class RefinedSetting(Section):
-    """Starts, refined and verified: see ``pcrdiff.hypotheses``; lengths in the unit sphere's."""
+class RefinementParams(Section):
+    """How starts are refined and verified: see ``pcrdiff.hypotheses``; lengths in the unit sphere's."""
 
-    starts: Count
     distances: Annotated[list[Positive], Field(min_length=1)]
     polish: Positive
     truncation: Positive
     coarse_points: Count
     finalists: Count
+
+
+class RefinedSetting(Section):
+    """One setting of a method that refines starts."""
+
+    starts: Count
+    refinement: RefinementParams
 
 
 class Updates(Section):
@@ -165,18 +171,18 @@ class Moved(Section):
     sinkhorn_iterations: Count
 
 
-class Steps(Section):
+class Walked(Section):
+    """One setting of PCRDiffusion: the walk of ``diffusion``, or several as starts."""
+
+    refined: RefinedSetting | None = None
+
+
+class Steps(Walked):
     """One setting of a method that walks on its own answers."""
 
     steps: Count
 
 
-class RefinedSteps(RefinedSetting, Steps):
-    """Several such walks as starts of a refinement."""
-
-
-Walked = NoSetting | RefinedSetting
-"""The walk that ``diffusion`` says, or several such walks as starts of a refinement."""
 Network = TypeVar("Network", bound=Section)
 Setting = TypeVar("Setting", bound=Section)
 
@@ -240,9 +246,7 @@ class Methods(Section):
     egst: Learned[RepeatedMatching, Updates] | None = entry("EGST", "baseline")
     pcrdiffusion_cf: Learned[CorrespondenceFree, Walked] = entry("PCRDiffusion CF", "diffused")
     pcrdiffusion_cb: Learned[CorrespondenceBased, Walked] = entry("PCRDiffusion CB", "diffused")
-    pcrdiffusion_cb_moved: Learned[Moved, Steps | RefinedSteps] | None = entry(
-        "PCRDiffusion CB moved", "moved"
-    )
+    pcrdiffusion_cb_moved: Learned[Moved, Steps] | None = entry("PCRDiffusion CB moved", "moved")
 
 
 CATALOGUE = {

@@ -6,7 +6,7 @@ import torch
 from pcrdiff.registration import LearnedMethod, Method
 from pipeline.loading import build_classical, build_learned, method_class, settings_of
 from pipeline.settings.catalogue import CATALOGUE, Entry, names_of
-from pipeline.settings.params import DIFFUSED, Params, learned_names
+from pipeline.settings.params import DIFFUSED, MOVED, Params, learned_names
 from pipeline.settings.profiles import read_profile
 from tests.described import REPOSITORY
 from tests.pipeline.formats.test_formats import synthetic_pairs
@@ -41,13 +41,13 @@ def test_a_line_of_the_catalogue_says_how_a_method_is_shown_and_of_which_kind_it
     assert CATALOGUE["fgr"] == Entry("FGR", "classical")
     assert [*CATALOGUE][:3] == ["identity", "constant", "icp_centroid"]
     assert names_of("floor") == ["constant", "icp_centroid", "identity"]
-    assert names_of("diffused", "baseline") == learned_names()
+    assert names_of("diffused", "baseline", "moved") == learned_names()
     assert len({row.shown for row in CATALOGUE.values()}) == len(CATALOGUE)
 
 
 def test_every_learned_method_is_built(params: Params) -> None:
     for name in learned_names():
-        assert "paper" in settings_of(name, params.methods)
+        assert ("paper" in settings_of(name, params.methods)) == (name not in MOVED)
         for setting in settings_of(name, params.methods):
             method = build_learned(name, setting, params.methods, params.diffusion)
             assert isinstance(method, LearnedMethod)
@@ -55,8 +55,9 @@ def test_every_learned_method_is_built(params: Params) -> None:
 
 
 def test_every_learned_method_is_trained_in_the_tables(params: Params) -> None:
-    assert params.trainings.keys() == {*learned_names()}
-    assert {*params.run.diffused, *params.run.baselines} == {*learned_names()}
+    assert params.trainings.keys() == {*learned_names()} - {*MOVED}
+    assert {*params.run.diffused, *params.run.baselines} == {*learned_names()} - {*MOVED}
+    assert {*MOVED} <= {*params.run.shipped}
 
 
 def test_the_settings_reach_the_methods(params: Params) -> None:
