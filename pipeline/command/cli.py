@@ -136,6 +136,22 @@ def real() -> None:
 
 
 @app.command()
+def ship(
+    method: Annotated[str, typer.Argument(help="A learned method.")],
+    scenario: Annotated[str, typer.Argument(help="The scenario that it was trained on.")],
+    card: Annotated[bool, typer.Option("--card", help="Only write the card again.")] = False,
+) -> None:
+    """Put the weights of a training, with their card, where they come with the code."""
+    from pipeline.command.ship import ship as ship_weights
+    from pipeline.command.ship import write_card
+
+    root = _root()
+    written = [write_card(root, method, scenario)] if card else ship_weights(root, method, scenario)
+    for path in written:
+        typer.echo(path.relative_to(root))
+
+
+@app.command()
 def doctor() -> None:
     """Check what the pipeline needs, and say what is wrong."""
     from pipeline.command.doctor import examine

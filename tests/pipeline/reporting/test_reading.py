@@ -1,5 +1,6 @@
 """Result files are believed only when they are whole."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from pipeline.reporting.reading import (
     read_all_walks,
     read_answers,
     read_pair_files,
+    read_shipped,
     read_times,
     read_trainings,
 )
@@ -118,6 +120,22 @@ def test_reads_an_ablations_trainings_under_the_names_they_give(tmp_path: Path) 
     euler = ablated["pcrdiffusion_cb", "representation=euler,scaling=raw"]
     assert (euler.scenario, euler.budget["epochs"]) == ("modelnet40-unseen_objects", 6)
     assert len(euler.curve["loss"]) == 6
+
+
+def test_reads_answers_of_weights_that_came_along_beside_the_others(tmp_path: Path) -> None:
+    write_rows(tmp_path / FILE, [plain_row(0)])
+    shipped = tmp_path / "shipped" / FILE
+    write_rows(shipped, [plain_row(0, off_deg=1.0) | {"setting": "shipped"}])
+    facts = {"method": "fgr", "epochs": 7, "data": {"source": "local"}}
+    shipped.with_suffix(".json").write_text(json.dumps(facts), encoding="utf-8")
+    answers = read_answers(tmp_path)
+    assert answers["setting"].tolist() == ["paper", "shipped"]
+    assert answers["headline"].tolist() == [True, False]
+    assert answers["method"].nunique() == 1
+    (training,) = read_shipped(tmp_path)
+    assert (training.setting, training.budget["epochs"]) == ("shipped", 7)
+    assert training.scenario == shipped.stem
+    assert len(training.curve) == 0
 
 
 def test_reads_trainings_at_any_depth_and_believes_the_names_in_them(tmp_path: Path) -> None:

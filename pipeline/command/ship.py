@@ -1,0 +1,102 @@
+"""Weights that come with the code: a training's, made smaller, with a card that says what they are."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float64
+
+from pipeline.formats.files import write_atomically
+from pipeline.formats.weights import (
+    SHIPPED,
+    WEIGHTS,
+    halved,
+    read_facts,
+    read_weights,
+    write_weights,
+)
+from pipeline.reporting.numbers import RESAMPLES, bootstrap_interval
+from pipeline.settings.params import DIFFUSED
+
+FOLDER = Path("pcrdiff", "weights")
+
+
+def ship(root: Path, method: str, scenario: str) -> list[Path]:
+    """Put the weights of a finished training under ``pcrdiff/weights``, matrices in float16.
+
+    Returns:
+        The weights and their card, which still lacks the errors: evaluating is a stage of its own.
+
+    Raises:
+        FileNotFoundError, ValueError: The training is not there or not what it should be.
+    """
+    trained = root / "models" / method / scenario / WEIGHTS
+    facts = read_facts(trained)
+    shipped = root / FOLDER / method / f"{scenario}.safetensors"
+    write_weights(shipped, halved(read_weights(trained, method)), facts)
+    return [shipped, write_card(root, method, scenario)]
+
+
+def write_card(root: Path, method: str, scenario: str) -> Path:
+    """Write the card of shipped weights, with the errors that they were evaluated to have.
+
+    Raises:
+        FileNotFoundError, ValueError: The weights are not there or not what they should be.
+    """
+    weights = root / FOLDER / method / f"{scenario}.safetensors"
+    answers = root / "results" / "shipped" / method / f"{scenario}.csv"
+    card = weights.with_suffix(".md")
+    text = "\n".join(_card(method, scenario, read_facts(weights), answers))
+    write_atomically(card, text.encode())
+    return card
+
+
+def _card(method: str, scenario: str, facts: Mapping[str, Any], answers: Path) -> Iterator[str]:
+    data, network = facts["data"], facts["network"]
+    yield f"# {method}, {scenario}"
+    yield ""
+    yield f"- **Trained on** {facts['train_pairs']:,} pairs of `{data['dataset']}` ({data['source']})."
+    yield f"- **Terms of the data**: {data['licence']}. The weights are shipped under the code's licence,"
+    yield "  naming the data; the data itself is not part of the repository."
+    yield f"- **Training**: {facts['epochs']:,} epochs, {facts['steps']:,} steps of"
+    yield f"  {facts['batch_size']} pairs, new poses in every epoch; weights of epoch"
+    yield f"  {facts['best_epoch']}, at {facts['val_error_r_deg']:.2f} degrees on validation pairs."
+    yield f"- **Network**: {', '.join(f'{key} {value}' for key, value in network.items())};"
+    yield f"  {facts['parameters']:,} parameters, matrices in float16."
+    yield f"- **Again**: `pcrdiff profile real`, `dvc repro {_stage(method, scenario)}`,"
+    yield f"  `pcrdiff ship {method} {scenario}`."
+    yield f"- **Not for** clouds that are not in the unit sphere, poses outside the spread of `{scenario}`,"
+    yield "  or shapes unlike those of the data: no weights here were tested on them."
+    if answers.is_file():
+        yield ""
+        yield "Errors on the test pairs of the scenario, with 95 % bootstrap intervals over pairs:"
+        yield ""
+        yield "| setting | pairs | mean ERROR(R), deg | median | mean ERROR(t) | below 5 deg |"
+        yield "|---|---:|---:|---:|---:|---:|"
+        yield from _errors(answers)
+    yield ""
+
+
+def _stage(method: str, scenario: str) -> str:
+    if method in DIFFUSED:
+        return f"train@{scenario}-{method}"
+    return f"train_baselines@{method}"
+
+
+def _errors(answers: Path) -> Iterator[str]:
+    rows = pd.read_csv(answers)
+    for setting, pairs in rows.groupby("setting"):
+        turns, shifts = pairs["error_r_deg"].to_numpy(), pairs["error_t"].to_numpy()
+        name = str(setting).removeprefix(SHIPPED).strip() or "paper"
+        yield (
+            f"| {name.replace('_', ' ')} | {len(pairs)} | {_mean(turns)} | {np.median(turns):.3g} "
+            f"| {_mean(shifts)} | {100 * np.mean(turns < 5):.1f} % |"
+        )
+
+
+def _mean(values: Float64[np.ndarray, " pairs"]) -> str:
+    resamples = np.random.default_rng(0).integers(len(values), size=(RESAMPLES, len(values)))
+    low, high = bootstrap_interval(values, lambda x: np.asarray(x.mean(axis=-1)), resamples)
+    return f"{values.mean():.3g} [{low:.3g}, {high:.3g}]"
