@@ -44,7 +44,7 @@ def tiny_params() -> dict[str, Any]:
     scenario["split"]["val_fraction"] = 0.34
     params |= {"threads": 1, "scenarios": {SCENARIO: scenario}}
     params["compute"]["workers"] = 1
-    params["run"]["scenarios"] = [SCENARIO]
+    params["run"] |= {"scenarios": [SCENARIO], "trained": [SCENARIO]}
     params["run"]["baselines"] = ["pcrnet", "rpmnet"]
     params["run"]["classical"] = read_repository_params()["run"]["classical"]
     params["run"]["shipped"] = []

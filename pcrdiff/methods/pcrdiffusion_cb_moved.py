@@ -30,6 +30,8 @@ CONTEXT = 8  # what attention says, next to what a point is by itself
 SHARPNESS = 20  # of the matches, when training begins
 NOISY, WALKED = 2, 2
 """Poses that a pair is trained on: corrupted true ones, and those of a walk on its own answers."""
+MOST_POINTS = 512
+"""That the network looks at: a patch is a number of neighbours, so its size depends on them."""
 MATCH_WEIGHT, INLIER_WEIGHT = 0.05, 0.01
 
 
@@ -80,7 +82,10 @@ class PCRDiffusionCBMoved(DiffusedMethod[Encoded]):
     def encode(self, source: Sources, target: Targets) -> Encoded:
         """Describe both clouds, and let each look at the other as the mean pose lays them."""
         p_mean, q_mean = source.mean(dim=1), target.mean(dim=1)
-        p, q = (self.embedding(c - c.mean(dim=1, keepdim=True)) for c in (source, target))
+        p, q = (
+            self.embedding(thinned(cloud - mean.unsqueeze(1)))
+            for cloud, mean in ((source, p_mean), (target, q_mean))
+        )
         T_mean = self.space.decode(torch.zeros(len(source), self.space.dim).to(source))
         of_p = p.invariant + self.position(p.moved(T_mean))
         of_q = q.invariant + self.position(q.moved(torch.eye(4).to(T_mean).expand_as(T_mean)))
@@ -165,6 +170,14 @@ class PCRDiffusionCBMoved(DiffusedMethod[Encoded]):
         noise[::2] = 0
         t = torch.full((len(x_0),), len(self.alphas_bar) - 1, device=x_0.device)
         return noise[mine].to(x_0), t
+
+
+def thinned(cloud: Float[Tensor, "batch n 3"]) -> Float[Tensor, "batch few 3"]:
+    """At most ``MOST_POINTS`` of the points, evenly along their order."""
+    n = cloud.shape[1]
+    if n <= MOST_POINTS:
+        return cloud
+    return cloud[:, torch.linspace(0, n - 1, MOST_POINTS, device=cloud.device).long()]
 
 
 def earlier(t: Times, *, generator: torch.Generator) -> Times:

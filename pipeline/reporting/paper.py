@@ -47,7 +47,9 @@ SCENARIOS = {  # the order of the tables; a scenario that is not here is an extr
     "kitti": Place("2", "KITTI"),
     "3dmatch": Place("2", "3DMatch"),
     "modelnet40-resampled": Place("extra", "ModelNet40, sampled independently"),
+    "modelnet40-rpm": Place("extra", "ModelNet40, RPM-Net's protocol"),
     "modelnet40-so3": Place("extra", "ModelNet40, any rotation"),
+    "modelnet40-so3_partial": Place("extra", "ModelNet40, any rotation, partial overlap"),
     "3dmatch-pairs": Place("extra", "3DMatch, overlapping fragments"),
     "kitti-pairs": Place("extra", "KITTI, overlapping scans"),
 }

@@ -37,8 +37,10 @@ class Run(Section):
     """Which scenarios there are, and which methods are run on them."""
 
     scenarios: Distinct[str]
+    trained: Distinct[str]
+    """Those of them that PCRDiffusion as the paper has it is trained on."""
     diffused: Listed[str]
-    """PCRDiffusion, trained on every scenario."""
+    """PCRDiffusion as the paper has it."""
     baselines: Distinct[str]
     """The other learned methods, each trained on the scenarios that ``trainings`` gives it."""
     classical: Distinct[str]
@@ -283,6 +285,7 @@ class Params(Section):
             if scenario.dataset not in self.acquire:
                 raise ValueError(f"scenarios.{name}.dataset {scenario.dataset!r} is not in acquire")
         named = [(f"trainings.{name}", each) for name, on in self.trainings.items() for each in on]
+        named += [("run.trained", name) for name in self.run.trained]
         named += [
             ("ablation.scenario", self.ablation.scenario),
             ("ablation.noise.scenario", self.ablation.noise.scenario),
@@ -297,7 +300,7 @@ class Params(Section):
             if not self.trainings.get(method):
                 raise ValueError(f"run.baselines needs trainings.{method}, which is not there")
         run, ablation, noise = self.run, self.ablation, self.ablation.noise
-        needed = [("run.diffused", *each) for each in product(run.diffused, run.scenarios)]
+        needed = [("run.diffused", *each) for each in product(run.diffused, run.trained)]
         needed += [("ablation.methods", method, ablation.scenario) for method in ablation.methods]
         learned = [method for method in noise.methods if method in learned_names()]
         needed += [("ablation.noise.methods", method, noise.scenario) for method in learned]

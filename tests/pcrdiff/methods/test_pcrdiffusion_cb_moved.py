@@ -105,6 +105,15 @@ def test_every_second_walk_in_training_begins_in_the_mode() -> None:
     assert t.tolist() == [OWN_WALK.timesteps] * 4
 
 
+def test_looks_at_few_points_of_a_large_cloud_and_at_all_of_a_small_one() -> None:
+    large = synthetic_pairs(1, 1300, generator=seeded(0))
+    encoded = make().encode(large.source, large.target)
+    seen = encoded.source.points + encoded.source_mean.unsqueeze(1)
+    assert seen.shape == (1, 512, 3)
+    assert torch.cdist(seen, large.source).amin(dim=-1).max() < 1e-5
+    assert make().encode(pairs().source, pairs().target).target.points.shape == (2, 80, 3)
+
+
 def test_refuses_fewer_points_than_a_patch_has() -> None:
     given = pairs()
     with pytest.raises(ValueError, match="needs at least 16 distinct points, got a target cloud"):

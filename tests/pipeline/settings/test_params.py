@@ -92,6 +92,8 @@ WRONG: dict[str, tuple[Change, str]] = {
         "scenarios.kitti.dataset 'waymo' is not in acquire"),
     "a scenario that is not there": (lambda p: p["run"]["scenarios"].append("waymo"),
         "run.scenarios needs the same names as scenarios: {'waymo'} differ"),
+    "training on a scenario that is not there": (lambda p: p["run"]["trained"].append("waymo"),
+        "run.trained 'waymo' is not in scenarios"),
     "a training on what is not there": (
         lambda p: p["trainings"]["pcrdiffusion_cf"].update(waymo=1),
         "trainings.pcrdiffusion_cf 'waymo' is not in scenarios"),
@@ -223,8 +225,9 @@ def rename(params: dict[str, Any], section: str, old: str, new: str) -> None:
         if section == "acquire" and scenario["dataset"] == old:
             scenario["dataset"] = new
     if section == "scenarios":
-        names = params["run"]["scenarios"]
-        params["run"]["scenarios"] = [new if name == old else name for name in names]
+        for key in ("scenarios", "trained"):
+            names = params["run"][key]
+            params["run"][key] = [new if name == old else name for name in names]
         for epochs in params["trainings"].values():
             epochs[new] = epochs.pop(old)
 
