@@ -265,9 +265,10 @@ def facts_of(
 
 
 def _origin(pairs: Path) -> dict[str, object]:
-    """Of which data set the pairs are, where it came from and under which licence."""
+    """Of which data set the pairs are, where it came from, under which licence, and how large."""
     made = read_attributes(pairs)["provenance"]
-    return {key: made.get(key) for key in ("dataset", "source", "licence")}
+    told = {key: made.get(key) for key in ("dataset", "source", "licence")}
+    return told | {"points": made["scenario"]["num_points"]}
 
 
 def _process(params: Params, method: str) -> dict[str, int]:

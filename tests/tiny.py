@@ -47,7 +47,7 @@ def tiny_params() -> dict[str, Any]:
     params["run"] |= {"scenarios": [SCENARIO], "trained": [SCENARIO]}
     params["run"]["baselines"] = ["pcrnet", "rpmnet"]
     params["run"]["classical"] = read_repository_params()["run"]["classical"]
-    params["run"]["shipped"] = []
+    params["run"]["shipped"] = [CF]
     params["trainings"] = {method: {SCENARIO: 3} for method in (CF, CB)}
     params["trainings"] |= {method: {SCENARIO: 1} for method in params["run"]["baselines"]}
     params["ablation"] |= {

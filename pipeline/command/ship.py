@@ -57,7 +57,8 @@ def _card(method: str, scenario: str, facts: Mapping[str, Any], answers: Path) -
     data, network = facts["data"], facts["network"]
     yield f"# {method}, {scenario}"
     yield ""
-    yield f"- **Trained on** {facts['train_pairs']:,} pairs of `{data['dataset']}` ({data['source']})."
+    yield f"- **Trained on** {facts['train_pairs']:,} pairs of `{data['dataset']}` ({data['source']}),"
+    yield f"  {data['points']:,} points a cloud before any crop."
     yield f"- **Terms of the data**: {data['licence']}. The weights are shipped under the code's licence,"
     yield "  naming the data; the data itself is not part of the repository."
     yield f"- **Training**: {facts['epochs']:,} epochs, {facts['steps']:,} steps of"

@@ -33,7 +33,7 @@ def test_what_is_shipped_is_the_training_in_half_the_room(own_code: Path) -> Non
         torch.testing.assert_close(after[name], value, atol=1e-3, rtol=1e-3)
     assert shipped.stat().st_size < 0.7 * weights(CF).stat().st_size
     said = card.read_text(encoding="utf-8")
-    assert "`modelnet40` (local)" in said
+    assert "`modelnet40` (local),\n  48 points" in said
     assert "3 epochs" in said
     assert f"dvc repro train@{SCENARIO}-{CF}" in said
     assert "Errors" not in said
