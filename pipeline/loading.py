@@ -6,7 +6,7 @@ A method's module is imported when it is built: Open3D takes a second that train
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, cast, get_args
 
 from pydantic import ValidationError
 
@@ -191,15 +191,22 @@ def load_shipped(params: Params, name: str, weights: Path) -> Mapping[str, Metho
             their network is none that this code knows.
     """
     own = _section(name, params.methods)
-    network = type(own.network)
     try:
-        told = network.model_validate(read_facts(weights).get("network"))
+        told = _network_section(name).model_validate(read_facts(weights).get("network"))
     except ValidationError as error:
         raise ValueError(f"{weights} is of a network that {name} is not: {error}") from error
     section = own.model_copy(update={"network": told})
     methods = params.methods.model_copy(update={name: section})
     changed = params.model_copy(update={"methods": methods})
     return load_settings(changed, name, weights, weights)
+
+
+def _network_section(name: str) -> type[Section]:
+    """The section of a learned method's network, whether or not a profile may leave it out."""
+    annotation = Methods.model_fields[name].annotation
+    (learned,) = (each for each in get_args(annotation) or (annotation,) if each is not type(None))
+    found: type[Section] = learned.model_fields["network"].annotation
+    return found
 
 
 def load_learned(

@@ -67,7 +67,7 @@ def test_what_a_stage_depends_on_or_writes_is_seen(ignored: DvcIgnoreFilter) -> 
 def test_all_code_and_every_table_of_benchmarks_is_seen(ignored: DvcIgnoreFilter) -> None:
     listed = ["git", "ls-files", "pcrdiff", "pipeline", "stages", "benchmarks/*.csv"]
     done = subprocess.run(listed, cwd=REPOSITORY, check=True, capture_output=True, text=True)
-    names = done.stdout.split()
+    names = [name for name in done.stdout.split() if not name.endswith(".md")]  # cards of weights
     assert len(names) > 100
     assert [name for name in names if is_ignored(ignored, name)] == []
     assert not is_ignored(ignored, "pcrdiff/clouds/deeper/new.py")

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from pipeline.reporting.paper import METHODS, UNSEEN_OBJECTS
-from pipeline.settings.params import Params
+from pipeline.settings.params import MOVED, Params
 from pipeline.settings.profiles import profile_names, profile_values, read_profile
 from tests.described import REPOSITORY, read_repository_params
 
@@ -57,7 +57,8 @@ def test_a_profile_has_the_keys_of_params_yaml(name: str) -> None:
 def test_a_profile_has_sections_of_the_methods_that_it_runs_and_of_no_others(name: str) -> None:
     params = load(name)
     learned = {*params["run"]["diffused"], *params["run"]["baselines"]}
-    assert params["methods"].keys() == learned | {*params["run"]["classical"]}
+    run = params["run"]
+    assert params["methods"].keys() == learned | {*run["classical"], *run["shipped"]}
     assert params["train"].keys() - {"devices", "nodes", "poses"} == learned
     assert params["trainings"].keys() == learned
     quick = read_repository_params()
@@ -128,16 +129,17 @@ def trained_on(scenario: str, params: Params) -> set[str]:
 def test_every_method_is_run_or_trained_on_unseen_objects(name: str) -> None:
     params = read_profile(REPOSITORY, name)
     methods = {*params.run.diffused, *params.run.baselines}
-    assert trained_on(UNSEEN_OBJECTS, params) == methods
-    assert {*params.run.classical} | methods == METHODS.keys()
+    assert trained_on(UNSEEN_OBJECTS, params) == methods - {*MOVED}
+    assert {*params.run.classical, *params.run.shipped} | methods == METHODS.keys()
 
 
 def test_quick_trains_the_diffused_methods_and_what_they_are_built_on_for_every_scenario() -> None:
     params = read_profile(REPOSITORY, "quick")
-    for scenario in params.scenarios:
+    for scenario in params.run.trained:
         needed = {"pcrdiffusion_cf", "pcrdiffusion_cb", "pcrnet", "rpmnet"}
         assert trained_on(scenario, params) == needed
     floors_and_others = {"identity", "constant", "icp_centroid", "icp", "fgr", "ransac_fpfh"}
+    floors_and_others |= {"gicp_multistart"}
     assert {*params.run.classical} == floors_and_others
 
 

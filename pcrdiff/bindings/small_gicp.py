@@ -1,6 +1,6 @@
 """small_gicp (Koide 2024) in this project's terms: clouds as surfaces, and fine registration of two."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import small_gicp
@@ -29,7 +29,7 @@ def align(
     kind: Literal["GICP", "ICP"],
     max_distance: float,
     max_iterations: int,
-) -> "small_gicp.RegistrationResult":
+) -> Any:  # noqa: ANN401  the library's RegistrationResult
     """Refine T_target_source by generalized or by point-to-point ICP, on one thread.
 
     Ends early once a round turns by less than 0.1 degrees and moves by less than 0.001.

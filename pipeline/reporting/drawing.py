@@ -19,10 +19,24 @@ from pipeline.reporting.showing import HEADINGS, show_value, unit_of
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"  # Okabe and Ito
 GREY, INK = "#7A7A7A", "#1D2733"
 KINDS = {"floor": GREY, "classical": ORANGE, "learned": BLUE}
-CYCLE = (BLUE, RED, GREEN, "#CC79A7", ORANGE, "#56B4E9", "#000000", "#B8A800", "#882255", "#6E4B9B")
+CYCLE = (
+    BLUE,
+    RED,
+    GREEN,
+    "#CC79A7",
+    ORANGE,
+    "#56B4E9",
+    "#000000",
+    "#B8A800",
+    "#882255",
+    "#6E4B9B",
+    "#117733",
+)
 SYMBOLS = ("circle", "square", "diamond", "cross", "x", "pentagon", "star", "hexagram",
-           "star-diamond", "octagon")  # fmt: skip
-TRIANGLES = tuple(f"triangle-{way}" for way in ("up", "down", "right", "ne", "sw", "nw", "se"))
+           "star-diamond", "octagon", "hourglass")  # fmt: skip
+TRIANGLES = tuple(
+    f"triangle-{way}" for way in ("up", "down", "right", "ne", "sw", "nw", "se", "left")
+)
 DASHES = {"floor": "dot", "classical": "dash", "learned": "solid"}
 LOG = {"type": "log", "dtick": 1}
 LOG_LABELLED = {"type": "log", "dtick": "D2", "minorloglabels": "complete"}

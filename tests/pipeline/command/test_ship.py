@@ -36,7 +36,6 @@ def test_what_is_shipped_is_the_training_in_half_the_room(own_code: Path) -> Non
     assert "`modelnet40` (local),\n  48 points" in said
     assert "3 epochs" in said
     assert f"dvc repro train@{SCENARIO}-{CF}" in said
-    assert "Errors" not in said
 
 
 def test_the_network_is_the_one_of_the_weights_whatever_params_say(own_code: Path) -> None:

@@ -43,6 +43,8 @@ EVERY_METHOD = ROTATION_ERROR_DEG | {
     "ransac_fpfh": 0.6,
     "small_gicp": 0.2,
     "kiss_matcher": 0.4,
+    "gicp_multistart": 0.5,
+    "pcrdiffusion_cb_moved": 0.9,
     "pointnetlk": 3.0,
     "pcrnet": 7.0,
     "deepgmr": 2.5,
