@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -10,7 +11,10 @@ from jaxtyping import Float, Float64
 from torch import Tensor
 
 from pcrdiff.loops import Progress, Spread, in_turn, silent
-from pcrdiff.registration import Method, Normals, Pairs
+from pcrdiff.registration import EVIDENCE, Method, Normals, Pairs, Source, Target
+
+if TYPE_CHECKING:
+    from pcrdiff.hypotheses import Verified
 
 
 @dataclass(frozen=True)
@@ -21,6 +25,19 @@ class Estimates:
     """Where the method failed, the identity."""
     failures: tuple[str, ...]
     """Per pair why it failed, or nothing."""
+    evidence: Float64[Tensor, "pairs numbers"] | None = None
+    """What speaks for each answer, as ``EVIDENCE`` names it; NaN where the method failed.
+
+    None where it never says: see :class:`Verifying`.
+    """
+
+
+@runtime_checkable
+class Verifying(Protocol):
+    """A method that says what speaks for its answers, as ``VerifiedMethod`` of ``hypotheses``."""
+
+    def verify(self, source: Source, target: Target, *, generator: torch.Generator) -> "Verified":
+        """The answer to one pair, checked as ``register`` checks it, and what speaks for it."""
 
 
 def evaluate(
@@ -71,11 +88,12 @@ def evaluate_all(
     answers = spread(partial(_answer, tasks), items)
     watched = progress(numbers, tasks[0].method.name)
     by_task = zip(*(found for _, found in zip(watched, answers, strict=True)), strict=True)
-    return [_gather(found) for found in by_task]
+    return [_gather(task.method, found) for task, found in zip(tasks, by_task, strict=True)]
 
 
-Answer = tuple[Float64[np.ndarray, "4 4"], str]
-"""A pose and why there is none."""
+Answer = tuple[Float64[np.ndarray, "4 4"], str, Float64[np.ndarray, " numbers"]]
+"""A pose, why there is none, and what speaks for it: NaN where nothing does."""
+SILENT = np.full(len(EVIDENCE), np.nan)
 
 
 def _normals(task: Task) -> Normals:
@@ -93,14 +111,16 @@ def _answer(
 
 def _answer_task(task: Task, pair: tuple[Tensor, ...], k: int) -> Answer:
     try:
-        return _register(task, pair, k).numpy(), ""
+        pose, evidence = _register(task, pair, k)
+        return pose.numpy(), "", evidence
     except (ValueError, RuntimeError) as error:  # Open3D and LAPACK raise the latter
-        return np.eye(4), _reason(error)
+        return np.eye(4), _reason(error), SILENT
 
 
-def _gather(answers: Sequence[Answer]) -> Estimates:
-    poses, failures = zip(*answers, strict=True)
-    return Estimates(torch.from_numpy(np.stack(poses)), failures)
+def _gather(method: Method, answers: Sequence[Answer]) -> Estimates:
+    poses, failures, evidence = zip(*answers, strict=True)
+    known = torch.from_numpy(np.stack(evidence)) if isinstance(method, Verifying) else None
+    return Estimates(torch.from_numpy(np.stack(poses)), failures, known)
 
 
 def _reason(error: Exception) -> str:
@@ -108,10 +128,17 @@ def _reason(error: Exception) -> str:
     return next(iter(str(error).splitlines()), "") or type(error).__name__
 
 
-def _register(task: Task, pair: tuple[Tensor, ...], k: int) -> Float64[Tensor, "4 4"]:
+def _register(
+    task: Task, pair: tuple[Tensor, ...], k: int
+) -> tuple[Float64[Tensor, "4 4"], Float64[np.ndarray, " numbers"]]:
     state = np.random.SeedSequence([task.seed, k]).generate_state(1, np.uint64)[0]
     generator = torch.Generator().manual_seed(int(state >> np.uint64(1)))
-    pose = task.method.register(*pair, generator=generator)
+    if isinstance(task.method, Verifying):
+        source, target = pair
+        found = task.method.verify(source[0], target[0], generator=generator)
+        pose, evidence = found.T_target_source, found.evidence
+    else:
+        pose, evidence = task.method.register(*pair, generator=generator)[0], SILENT
     if not torch.isfinite(pose).all():
         raise ValueError(f"{task.method.name} answered with a pose that is not finite")
-    return pose[0].double()
+    return pose.double(), evidence

@@ -12,19 +12,25 @@ import numpy as np
 import torch
 from jaxtyping import Float, Float64
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from pcrdiff.bindings.small_gicp import Points, Pose, Surface, align
+from pcrdiff.geometry.metrics import RIGHT_DEG, RIGHT_T
 from pcrdiff.geometry.rigid import check_pose
 from pcrdiff.geometry.span import check_support
-from pcrdiff.registration import PairwiseMethod, Source, Target
+from pcrdiff.registration import EVIDENCE, PairwiseMethod, Source, Target
 
 Distances = Float64[np.ndarray, "_"]
 Starts = Float[Tensor, "starts 4 4"]
 ROUNDS = 15
 """Most rounds of ICP at each distance."""
-SAME_TURN, SAME_SHIFT = float(np.cos(np.radians(5.0))), 0.1
-"""Within which two poses are one answer: 5 degrees, and a tenth of the cloud's radius."""
+SAME_TURN, SAME_SHIFT = float(np.cos(np.radians(RIGHT_DEG))), RIGHT_T
+"""Within which two poses are one answer: the cosine of 5 degrees, a tenth of the cloud's radius."""
+AWAY_TURN, AWAY_SHIFT = float(np.radians(10.0)), RIGHT_T
+"""How far from an answer the fit has to be worse: what moves points about as far as each other."""
+CLOSE = 1 / 3
+"""Share of the truncation within which points are close: as near as copies of each other."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,19 @@ class Verified:
     """Share of the starts that led to this answer."""
     margin: float
     """By how much the best other answer fits worse, of the truncation; 1 where there is none."""
+    close: float
+    """Share of both clouds' points that lie within a third of the truncation of the other cloud."""
+    sharpness: float
+    """By how much the fit is worse a tenth of the radius or 10 degrees away, of the truncation.
+
+    Of the ways along and about the target's principal axes the one that costs least: a pose that
+    slides or turns without the fit being worse is not determined.
+    """
+
+    @property
+    def evidence(self) -> Float64[np.ndarray, " numbers"]:
+        """What speaks for the answer, as ``EVIDENCE`` names it."""
+        return np.array([getattr(self, name) for name in EVIDENCE])
 
 
 class VerifiedMethod(PairwiseMethod):
@@ -68,7 +87,16 @@ class VerifiedMethod(PairwiseMethod):
         """Start poses T_target_source, the most promising first."""
 
     def verify(self, source: Source, target: Target, *, generator: torch.Generator) -> Verified:
-        """The answer to one pair, and what speaks for it.
+        """The answer to one pair, and what speaks for it; without a gradient.
+
+        Raises:
+            ValueError, RuntimeError: As ``register`` does.
+        """
+        with self.checked(source.unsqueeze(0), target.unsqueeze(0)):
+            return self.judge(source, target, generator=generator)
+
+    def judge(self, source: Source, target: Target, *, generator: torch.Generator) -> Verified:
+        """What :meth:`verify` returns for clouds that have passed its checks.
 
         Raises:
             ValueError: The answer is no rigid pose.
@@ -80,7 +108,7 @@ class VerifiedMethod(PairwiseMethod):
         self, source: Source, target: Target, *, generator: torch.Generator
     ) -> Float64[Tensor, "4 4"]:
         """The answer alone."""
-        return self.verify(source, target, generator=generator).T_target_source
+        return self.judge(source, target, generator=generator).T_target_source
 
 
 @dataclass(frozen=True)
@@ -122,6 +150,16 @@ class Verifier:
         """How near each cloud lies to the other one."""
         shares = np.concatenate(self.distances(T)) / self.how.truncation
         return Fit(T, float(np.minimum(shares, 1).mean()), float((shares < 1).mean()))
+
+    def close(self, T: Pose) -> float:
+        """The share of both clouds' points that lie close to the other cloud."""
+        return float((np.concatenate(self.distances(T)) < CLOSE * self.how.truncation).mean())
+
+    def sharpness(self, best: Fit) -> float:
+        """By how much the fit is worse away from ``best``; the clouds lie about the origin."""
+        _, _, axes = np.linalg.svd(self.target.points, full_matrices=False)
+        away = [self.fit(move @ best.T).residual for axis in axes for move in _moves(axis)]
+        return min(away) - best.residual
 
     def check(self, who: str, T: Pose) -> None:
         """Refuse a pose that the points near the other cloud do not fix.
@@ -166,6 +204,8 @@ def refine_and_verify(
         best.overlap,
         agreement=float(np.mean([_same(fit.T, best.T) for fit in fits])),
         margin=min(others) - best.residual if others else 1.0,
+        close=fine.close(best.T),
+        sharpness=fine.sharpness(best),
     )
 
 
@@ -192,6 +232,16 @@ def _distinct(fits: Sequence[Fit]) -> list[Fit]:
 def _same(a: Pose, b: Pose) -> bool:
     turn, shift = (np.sum(a[:3, :3] * b[:3, :3]) - 1) / 2, np.linalg.norm(a[:3, 3] - b[:3, 3])
     return bool(turn >= SAME_TURN and shift <= SAME_SHIFT)
+
+
+def _moves(axis: Float64[np.ndarray, "3"]) -> list[Pose]:
+    """Both ways along an axis through the origin, and both ways about it."""
+    moves = [_shift(way * AWAY_SHIFT * axis) for way in (-1, 1)]
+    for way in (-1, 1):
+        T = np.eye(4)
+        T[:3, :3] = Rotation.from_rotvec(way * AWAY_TURN * axis).as_matrix()
+        moves.append(T)
+    return moves
 
 
 def _shift(by: Float64[np.ndarray, "3"]) -> Pose:

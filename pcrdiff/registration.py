@@ -1,7 +1,8 @@
 """The project's nouns: what is registered, and who registers it."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -10,6 +11,8 @@ from jaxtyping import Float, Float64, Int64
 from torch import Tensor, nn
 
 SPLITS = ("train", "val", "test")
+EVIDENCE = ("residual", "overlap", "agreement", "margin", "close", "sharpness")
+"""What speaks for an answer, where a method says it: see ``pcrdiff.hypotheses.Verified``."""
 Normals = Literal["given", "estimated"]
 """The data set's own, clean ones, or none: a method estimates them from the points it is given."""
 
@@ -104,9 +107,19 @@ class Method(ABC):
                 found no pose.
             RuntimeError: A library that the method calls has failed.
         """
+        with self.checked(source, target):
+            return self.answer(source, target, generator=generator)
+
+    @contextmanager
+    def checked(self, source: Sources, target: Targets) -> Iterator[None]:
+        """Refuse clouds that the method cannot read; what is done with others keeps no gradient.
+
+        Raises:
+            ValueError: A cloud is empty, too small for the method, or not finite.
+        """
         check_clouds(self.name, source, target, self.least_points)
         with torch.no_grad():
-            return self.answer(source, target, generator=generator)
+            yield
 
     @abstractmethod
     def answer(self, source: Sources, target: Targets, *, generator: torch.Generator) -> Poses:

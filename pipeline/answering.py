@@ -25,18 +25,22 @@ def answer(params: Params, method: Method, test: Pairs) -> Estimates:
 
 
 def answer_all(
-    params: Params, drawn: Mapping[str, tuple[Method, int]], test: Pairs
+    params: Params,
+    drawn: Mapping[str, tuple[Method, int]],
+    pairs: Pairs,
+    *,
+    purpose: str = "evaluate",
 ) -> dict[str, Estimates]:
-    """Register the test pairs under each setting: a method and the number of its draw.
+    """Register pairs under each setting: a method and the number of its draw.
 
-    Another draw than 0 has seeds of its own.
+    Another draw than 0, and another purpose, have seeds of their own.
     """
     tasks = [
-        Task(method, stream(params.seed, "evaluate" if draw == 0 else f"evaluate/{draw}"))
+        Task(method, stream(params.seed, purpose if draw == 0 else f"{purpose}/{draw}"))
         for method, draw in drawn.values()
     ]
     spread = spread_over(params.compute, params.threads)
-    found = evaluate_all(tasks, test, progress=bar, spread=spread)
+    found = evaluate_all(tasks, pairs, progress=bar, spread=spread)
     return dict(zip(drawn, found, strict=True))
 
 

@@ -11,7 +11,9 @@ from pipeline.compute.machine import settle
 from pipeline.formats.answers import write_estimates
 from pipeline.formats.files import write_json
 from pipeline.formats.pairs import read_pairs
+from pipeline.formats.verdicts import VERDICTS, write_verdicts
 from pipeline.formats.weights import WEIGHTS, read_facts, shipped_setting
+from pipeline.judging import learn_verdicts
 from pipeline.loading import load_settings, load_shipped
 from pipeline.settings.params import SHOWN, Params, pick, read_params, shown_scenario
 from pipeline.tracking.journal import journal
@@ -52,12 +54,17 @@ def answer_scenario(
     params: Params, args: argparse.Namespace, scenario: str, settings: Mapping[str, Method]
 ) -> float:
     """Write the answers to one scenario's test pairs; return the headline's error in degrees."""
-    test = read_pairs(args.pairs / f"{scenario}.h5", "test")
+    pairs = args.pairs / f"{scenario}.h5"
+    test = read_pairs(pairs, "test")
     answers = answer_settings(params, settings, test)
+    verdicts = learn_verdicts(params, settings, pairs)
     error = mean_error_r_deg(test, headline(answers))
     if args.shipped:
         answers = {shipped_setting(name): given for name, given in answers.items()}
-    write_estimates(args.answers / f"{scenario}.csv", test, answers)
+        verdicts = {shipped_setting(name): verdict for name, verdict in verdicts.items()}
+    write_estimates(args.answers / f"{scenario}.csv", test, answers, verdicts)
+    if verdicts:
+        write_verdicts(args.answers / VERDICTS / f"{scenario}.json", verdicts)
     return error
 
 

@@ -1,12 +1,14 @@
 """How far an estimated pose is from the true one. Angles leave here in degrees."""
 
 import torch
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 from torch import Tensor
 
 from pcrdiff.geometry.rotation import euler_from_matrix, geodesic_angle
 
 Poses = Float64[Tensor, "pairs 4 4"]
+RIGHT_DEG, RIGHT_T = 5.0, 0.1
+"""An answer that is off by less than this is right; the length is a tenth of the cloud's radius."""
 
 
 def error_r_deg(estimate: Poses, truth: Poses) -> Float64[Tensor, " pairs"]:
@@ -33,3 +35,8 @@ def euler_difference_deg(estimate: Poses, truth: Poses) -> Float64[Tensor, "pair
 def translation_difference(estimate: Poses, truth: Poses) -> Float64[Tensor, "pairs 3"]:
     """Estimate minus truth of the translation, axis by axis."""
     return estimate[:, :3, 3] - truth[:, :3, 3]
+
+
+def is_right(estimate: Poses, truth: Poses) -> Bool[Tensor, " pairs"]:
+    """Whether an answer is off by less than ``RIGHT_DEG`` and ``RIGHT_T``, in the unit sphere."""
+    return (error_r_deg(estimate, truth) < RIGHT_DEG) & (error_t(estimate, truth) < RIGHT_T)

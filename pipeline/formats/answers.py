@@ -1,9 +1,11 @@
-"""What a method answered to each pair, as CSV."""
+"""What a method answered to each pair, as CSV, and where it says so what speaks for the answer."""
 
 from collections.abc import Mapping
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 
 from pcrdiff.geometry.metrics import (
@@ -12,23 +14,42 @@ from pcrdiff.geometry.metrics import (
     euler_difference_deg,
     translation_difference,
 )
-from pcrdiff.registration import Pairs
+from pcrdiff.registration import EVIDENCE, Pairs
 from pipeline.formats.files import write_csv
 
 if TYPE_CHECKING:
     from pcrdiff.evaluation import Estimates
-
+    from pcrdiff.verdict import Verdict
 
 POSE = tuple(f"T{row}{column}" for row in range(3) for column in range(4))
 ANSWER = ["pair", "item", "group", "setting", "failure", "error_r_deg", "error_t"]
 ANSWER += ["rx_deg", "ry_deg", "rz_deg", "tx", "ty", "tz", *POSE]
-"""The columns of a row."""
+"""The columns that say what was answered."""
+PROBABILITY = "probability"
+JUDGED = [*EVIDENCE, PROBABILITY]
+"""The columns behind them: what speaks for the answer, and the probability that it is right.
+
+All are empty for a method that never says, or that failed; the probability also without a verdict.
+"""
 
 
-def write_estimates(path: Path, truth: Pairs, answers: "Mapping[str, Estimates]") -> None:
-    """Write a row per setting and pair: how far off, and the answer itself."""
-    rows = [row for setting, given in answers.items() for row in _rows(truth, setting, given)]
-    write_csv(path, [ANSWER, *rows])
+def write_estimates(
+    path: Path,
+    truth: Pairs,
+    answers: "Mapping[str, Estimates]",
+    verdicts: "Mapping[str, Verdict] | None" = None,
+) -> None:
+    """Write a row per setting and pair: how far off, the answer itself, and how sure it is.
+
+    ``verdicts`` are those of some settings, by their names.
+    """
+    judged = verdicts or {}
+    rows = [
+        row
+        for setting, given in answers.items()
+        for row in _rows(truth, setting, given, judged.get(setting))
+    ]
+    write_csv(path, [[*ANSWER, *JUDGED], *rows])
 
 
 def write_ablation(
@@ -41,15 +62,29 @@ def write_ablation(
         for setting, given in settings.items()
         for row in _rows(truth, setting, given)
     ]
-    write_csv(path, [["method", *ANSWER], *rows])
+    write_csv(path, [["method", *ANSWER, *JUDGED], *rows])
 
 
-def _rows(truth: Pairs, setting: str, given: "Estimates") -> list[list[object]]:
+def _rows(
+    truth: Pairs, setting: str, given: "Estimates", verdict: "Verdict | None" = None
+) -> list[list[object]]:
     pose, true_pose = given.T_target_source, truth.T_target_source
     compared = error_r_deg, error_t, euler_difference_deg, translation_difference
     columns = [compare(pose, true_pose) for compare in compared]
     numbers = torch.column_stack([*columns, pose[:, :3].flatten(1)]).tolist()
+    judged = _judged(given, verdict)
     return [
-        [k, int(truth.item[k]), truth.group[k], setting, given.failures[k], *numbers[k]]
+        [k, int(truth.item[k]), truth.group[k], setting, given.failures[k], *numbers[k], *judged[k]]
         for k in range(len(truth))
     ]
+
+
+def _judged(given: "Estimates", verdict: "Verdict | None") -> list[list[object]]:
+    """The fields of ``JUDGED`` for each pair, empty where there is no number."""
+    evidence = np.full((len(given.failures), len(EVIDENCE)), np.nan)
+    if given.evidence is not None:
+        evidence = given.evidence.numpy()
+    unknown = np.full(len(evidence), np.nan)
+    probability = verdict.probability(evidence) if verdict else unknown
+    numbers = np.column_stack([evidence, probability]).tolist()
+    return [["" if isnan(number) else number for number in row] for row in numbers]

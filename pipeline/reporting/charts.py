@@ -6,9 +6,11 @@ import numpy as np
 import pandas as pd
 from plotly import graph_objects as go
 
+from pcrdiff.verdict import reliability_curve
 from pipeline.reporting.drawing import (
     BLUE,
     CYCLE,
+    GREY,
     KINDS,
     LOG,
     LOG_LABELLED,
@@ -267,6 +269,45 @@ def cumulative(errors: pd.DataFrame, most: int = 120) -> pd.DataFrame:
     points = errors.assign(x=errors["error"], y=100 * (place + 1) / count)[kept]
     rounded = {name: [float(f"{value:.4g}") for value in points[name]] for name in "xy"}
     return points.assign(**rounded)
+
+
+def reliability_chart(answers: pd.DataFrame, scenario: str) -> go.Figure:
+    """Draw the share of right answers against their probability; at the right, how many there are.
+
+    A line for each method and setting that gives its answers a probability.
+    """
+    known = choose(answers[answers["probability"].notna()], scenario=scenario, ablation="")
+    panels = {"observed": "share of right answers", "counts": "answers"}
+    lines = [
+        _reliability(method, setting, some).assign(panel=panel, column=column)
+        for column, panel in panels.items()
+        for (method, setting), some in known.groupby(["method", "setting"])
+    ]
+    points = pd.concat(lines, ignore_index=True)
+    points = points.assign(
+        y=[row[row["column"]] for row in points.to_dict("records")],
+        color=[CYCLE[index % len(CYCLE)] for index in pd.factorize(points["label"])[0]],
+        symbol="circle",
+        dash="solid",
+    )
+    figure = draw(points, 380)
+    line = {"color": GREY, "width": 1, "dash": "dot"}
+    figure.add_shape(type="line", x0=0, y0=0, x1=1, y1=1, line=line, layer="below", row=1, col=1)
+    figure.update_xaxes(range=[-0.03, 1.03], title="probability of being right")
+    figure.update_yaxes(rangemode="tozero", col=2)
+    return figure.update_yaxes(range=[-0.03, 1.03], col=1)
+
+
+def _reliability(method: str, setting: str, answers: pd.DataFrame) -> pd.DataFrame:
+    """Give a point for each bin of the answers of one method in one setting."""
+    probability, right = answers["probability"].to_numpy(), answers["right"].to_numpy()
+    points = pd.DataFrame(reliability_curve(probability, right)._asdict())
+    says = [
+        f"{counts} answers of probability {predicted:.2f}<br>{100 * observed:.0f} % right"
+        for predicted, observed, counts in points.itertuples(index=False)
+    ]
+    label = shown(method).name + ("" if setting == "paper" else f", {setting.replace('_', ' ')}")
+    return points.assign(method=method, label=label, x=points["predicted"], says=says)
 
 
 def curves_chart(trainings: Iterable[Training]) -> go.Figure:

@@ -1,13 +1,18 @@
 """The tables as Markdown, and as LaTeX to paste into a paper."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from pcrdiff.geometry.metrics import RIGHT_DEG, RIGHT_T
+from pcrdiff.verdict import MOST_WRONG
 from pipeline.reporting.claims import ELSEWHERE, Finding
-from pipeline.reporting.numbers import RESAMPLES
-from pipeline.reporting.tables import MARKS, Table
+from pipeline.reporting.numbers import CALIBRATION, RESAMPLES, RIGHT, TRUST
+from pipeline.reporting.paper import place
+from pipeline.reporting.showing import HEADINGS
+from pipeline.reporting.tables import MARKS, Line, Table
 from pipeline.reporting.verdicts import RULE
 
 TEX_DELIMITERS = {
@@ -21,6 +26,16 @@ ESCAPED = {
     "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "°": r"$^\circ$",
     "<": r"$<$", ">": r"$>$",
 }  # fmt: skip
+TRUST_COLUMNS = {name: HEADINGS[name] for name in (RIGHT, CALIBRATION, *TRUST)}
+"""What a table of trust has of each method, in percent."""
+TRUSTED = (
+    f"The probability that an answer is right, off by less than {RIGHT_DEG:g}° and {RIGHT_T:g} of the"
+    " unit sphere's radius, is a logistic function of how well and how clearly the clouds fit under"
+    " it. It was fitted to the method's answers to the validation pairs of the same scenario, and is"
+    " shown on the test pairs. An answer is trusted from the least probability on at which, of the"
+    f" validation pairs, at most {100 * MOST_WRONG:g} % were wrong and no more were expected to be."
+)
+"""How an answer comes to be trusted."""
 SYMBOLS = {"†": r"$^\dagger$", "‡": r"$^\ddagger$"}
 
 
@@ -35,16 +50,24 @@ def environment(*, html: bool = False, delimiters: dict[str, str] | None = None)
         keep_trailing_newline=True,
         **(delimiters or {}),  # type: ignore[arg-type]
     )
-    made.globals.update(RULE=RULE, ELSEWHERE=ELSEWHERE, MARKS=MARKS, RESAMPLES=RESAMPLES)
+    made.globals.update(
+        RULE=RULE, ELSEWHERE=ELSEWHERE, MARKS=MARKS, RESAMPLES=RESAMPLES, TRUSTED=TRUSTED,
+        TRUST_COLUMNS=TRUST_COLUMNS,
+    )  # fmt: skip
     return made
 
 
 def render_markdown(
-    tables: Sequence[Table], banner: str | None, findings: Sequence[Finding] = ()
+    tables: Sequence[Table],
+    banner: str | None,
+    findings: Sequence[Finding] = (),
+    trust: Mapping[str, Sequence[Line]] = MappingProxyType({}),
 ) -> str:
-    """Write what was found, then all tables, with floors, the paper's numbers and footnotes."""
+    """Write what was found, all tables, with floors, the paper's numbers and footnotes, and trust."""
     template = environment().get_template("results.md.j2")
-    return template.render(tables=tables, banner=banner, findings=findings)
+    return template.render(
+        tables=tables, banner=banner, findings=findings, trust=trust, place=place
+    )
 
 
 def render_latex(tables: Sequence[Table], banner: str | None) -> str:

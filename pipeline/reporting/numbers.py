@@ -8,6 +8,7 @@ import pandas as pd
 from jaxtyping import Float64, Int64
 from scipy.special import gammaincinv
 
+from pcrdiff.verdict import calibration_error, trust_quality
 from pipeline.reporting.contrasts import pick_contrasts
 from pipeline.reporting.paper import (
     ACCURACY,
@@ -33,6 +34,9 @@ IMPROVEMENT = "improvement_percent"
 """Of a contrast: by how much of the other's mean ERROR(R) the first one's is smaller."""
 SPREAD = "spread_over_draws_deg"
 """The one metric that ``results.csv`` does not hold: it is made from those of the draws."""
+RIGHT, CALIBRATION = "right_percent", "calibration_error_percent"
+TRUST = ("trusted_percent", "wrong_of_trusted_percent", "trusted_of_right_percent")
+"""Of answers with a probability: how many are right, trusted, trusted but wrong, right and trusted."""
 SYMMETRIC = ("bottle", "bowl", "cone", "cup", "flower_pot", "lamp", "tent", "vase")
 """Shapes whose rotation nobody can tell; ModelNet rows are also given without them."""
 FEWEST = 5
@@ -65,7 +69,7 @@ def make_numbers(
     Returns:
         One number a row, in the order of ``results.csv`` and with its columns, of which ``low`` and
         ``high`` bound the 95 % bootstrap interval. Beside them ``kind`` (``line`` of a table,
-        further ``draw`` of one, ``bin`` of pairs, ``contrast``), ``ablation``, ``headline``,
+        further ``draw`` of one, ``bin`` of pairs, ``trust``, ``contrast``), ``ablation``, ``headline``,
         ``draw``; of a bin ``by``, ``bin_low`` and ``bin_high``; of a contrast ``base_method`` and
         ``base_setting``; what an ablation's setting varies (``VARIED``); and ``written``, what
         ``results.csv`` has for a setting.
@@ -73,7 +77,7 @@ def make_numbers(
     answers = with_contributions(answers)
     lines = pd.DataFrame([*_lines(answers, seed)])
     rows = [*_timed(times, lines, seed), *_bins(answers, difficulty, seed)]
-    rows += _contrasts(answers, times, seed)
+    rows += [*_trust(answers, seed), *_contrasts(answers, times, seed)]
     numbers = pd.concat([lines, pd.DataFrame(rows, columns=lines.columns)], ignore_index=True)
     for name in ("value", "low", "high"):
         numbers[name] = [float(f"{number:.6g}") for number in numbers[name]]
@@ -91,8 +95,9 @@ def write_numbers(numbers: pd.DataFrame) -> str:
 
 
 def with_contributions(answers: pd.DataFrame) -> pd.DataFrame:
-    """Add, for each of ``METRICS``, what a pair contributes to it."""
+    """Add, for each of ``METRICS`` and ``TRUST``, what a pair contributes to it."""
     euler, shift = answers[EULER].to_numpy(), answers[SHIFT].to_numpy()
+    judged = answers["trusted"].astype(float) + 2 * answers["right"]
     return answers.assign(
         rmse_r_deg=(euler**2).mean(axis=-1),
         rmse_t=(shift**2).mean(axis=-1),
@@ -100,15 +105,20 @@ def with_contributions(answers: pd.DataFrame) -> pd.DataFrame:
         mae_t=np.abs(shift).mean(axis=-1),
         median_error_r_deg=answers["error_r_deg"],
         below_5_deg_percent=100.0 * (answers["error_r_deg"] < 5),
+        right_percent=100.0 * answers["right"],
+        **dict.fromkeys(TRUST, judged),
     )
 
 
 def statistic_of(metric: str) -> Statistic:
-    """Say how what pairs contribute becomes the number: a mean, its root, or the median."""
+    """Say how what pairs contribute becomes the number: a mean, its root, the median, a share."""
     if metric.startswith("rmse"):
         return lambda values: np.asarray(np.sqrt(values.mean(axis=-1)))
     if metric.startswith("median"):
         return lambda values: np.asarray(np.median(values, axis=-1))
+    if metric in TRUST:
+        field = TRUST.index(metric)
+        return lambda values: 100 * trust_quality(values % 2 == 1, values >= 2)[field]
     return lambda values: np.asarray(values.mean(axis=-1))
 
 
@@ -170,6 +180,19 @@ def _bins(answers: pd.DataFrame, difficulty: pd.DataFrame, seed: int) -> Iterato
         place = dict(zip(names, keys, strict=True)) | {"kind": "bin", "table": "extra"}
         if len(pairs) >= FEWEST:
             yield from _measure(pairs, BINNED, seed, {**place, "setting": ""})
+
+
+def _trust(answers: pd.DataFrame, seed: int) -> Iterator[Row]:
+    """Say of the answers with a probability how true it is, and what becomes of those trusted.
+
+    The calibration error has no interval: resampled pairs leave larger gaps than there are.
+    """
+    for keys, pairs in answers[answers["probability"].notna()].groupby([*SET, "headline"]):
+        place = dict(zip([*SET, "headline"], keys, strict=True)) | {"kind": "trust"}
+        yield from _measure(pairs, [RIGHT, *TRUST], seed, place)
+        error = calibration_error(pairs["probability"].to_numpy(), pairs["right"].to_numpy())
+        found: Row = {"metric": CALIBRATION, "value": 100 * error, "low": np.nan, "high": np.nan}
+        yield LINE | place | found | {"pairs": len(pairs), "failures": 0}
 
 
 def _contrasts(answers: pd.DataFrame, times: pd.DataFrame, seed: int) -> Iterator[Row]:

@@ -24,6 +24,7 @@ from pipeline.reporting.charts import (
     distribution_chart,
     errors_chart,
     headlines,
+    reliability_chart,
     speed_chart,
     steps_chart,
 )
@@ -44,9 +45,9 @@ from pipeline.reporting.paper import (
 )
 from pipeline.reporting.pictures import embedded
 from pipeline.reporting.provenance import Provenance
-from pipeline.reporting.reading import PairFile, Training
+from pipeline.reporting.reading import PairFile, Training, Verdicts
 from pipeline.reporting.showing import describe_budget, show_bound, show_short
-from pipeline.reporting.tables import TRAINED_ON_NOISE, Table, best, unbeaten
+from pipeline.reporting.tables import TRAINED_ON_NOISE, Line, Table, best, unbeaten
 
 ABLATED = ("diffusion", "representation", "fusion", "hypotheses")
 """The ablations with a chart of their settings."""
@@ -61,6 +62,9 @@ class Contents:
     numbers: pd.DataFrame
     answers: pd.DataFrame
     tables: Sequence[Table]
+    trust: Mapping[str, Sequence[Line]]
+    """By scenario, of the methods that say how sure they are."""
+    verdicts: Verdicts
     examples: Sequence[Example]
     pictures: Mapping[str, bytes]
     """By file name; those of single pairs open the page."""
@@ -144,6 +148,8 @@ def _error_charts(contents: Contents) -> dict[str, Figure]:
             charts[f"plot-{metric}-{scenario}"] = chart
         chart = distribution_chart(contents.answers, scenario, unit)
         charts[f"plot-distribution-{scenario}"] = chart
+    for scenario in contents.trust:
+        charts[f"plot-reliability-{scenario}"] = reliability_chart(contents.answers, scenario)
     return charts
 
 

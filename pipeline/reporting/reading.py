@@ -1,18 +1,22 @@
 """Read what a report is made from: answers, times, trainings, pair files, walks. Checked first."""
 
 import json
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from pcrdiff.geometry.metrics import RIGHT_DEG, RIGHT_T
 from pcrdiff.registration import Pairs
-from pipeline.formats.answers import ANSWER
+from pcrdiff.verdict import Verdict
+from pipeline.formats.answers import ANSWER, JUDGED, PROBABILITY
 from pipeline.formats.files import read_csv
 from pipeline.formats.pairs import read_attributes, read_pairs
+from pipeline.formats.verdicts import VERDICTS, read_verdicts
 from pipeline.formats.walks import RecordedWalk, read_walks
 from pipeline.formats.weights import CURVE, FACTS, SHIPPED
 from pipeline.reporting.paper import ABLATIONS as ABLATED
@@ -27,6 +31,8 @@ ABLATIONS, TIMES, WALKS, NOISE = "ablations", "times", "walks", "noise"
 TIMED = ["seconds", "peak_memory_mib"]
 SET = ["table", "ablation", "scenario", "method", "setting", "draw"]
 """What the answers of one set have in common; a further draw of the noise is a set of its own."""
+Verdicts = Mapping[tuple[str, str, str], Verdict]
+"""By scenario, method and setting."""
 
 
 def choose(frame: pd.DataFrame, **wanted: object) -> pd.DataFrame:
@@ -36,18 +42,21 @@ def choose(frame: pd.DataFrame, **wanted: object) -> pd.DataFrame:
     return frame
 
 
-def read_answers(folder: Path) -> pd.DataFrame:
+def read_answers(folder: Path, verdicts: Verdicts = MappingProxyType({})) -> pd.DataFrame:
     """Read ``<method>/<scenario>.csv``, ``shipped/*/*.csv``, ``ablations/*.csv``, ``ablations/noise/*.csv``.
 
     Returns:
         A row for each answer to a pair, in the order of the sets and of the pairs. Besides the
         columns of the files: ``table`` (the paper's, or ``extra``), ``ablation`` (empty for a main
-        table), ``scenario``, ``method``, ``draw`` (0 for the first), ``failed``, and ``headline``,
+        table), ``scenario``, ``method``, ``draw`` (0 for the first), ``failed``, ``right`` (off by
+        less than 5 degrees and 0.1), ``trusted`` (by the verdict of its set), and ``headline``,
         which marks one set of each method on each scenario: the paper's setting, else the first.
+        What speaks for an answer, and its ``probability``, are NaN where nothing was said.
 
     Raises:
         FileNotFoundError: There is none.
-        ValueError: One is cut short or ill-formed, or its pairs are not those of its neighbours.
+        ValueError: One is cut short or ill-formed, its pairs are not those of its neighbours, or it
+            has probabilities that are of no verdict.
     """
     main = [file for file in folder.glob("*/*.csv") if file.parent.name != TIMES]
     deeper = [*folder.glob(f"{ABLATIONS}/{NOISE}/*.csv"), *folder.glob(f"{SHIPPED}/*/*.csv")]
@@ -61,24 +70,55 @@ def read_answers(folder: Path) -> pd.DataFrame:
         draw=drawn[2].where(drawn[2] != "", "0").astype(int),
         failed=answers["failure"] != "",
         **_numbers(answers, ["pair", *NUMBERS]),
+        **_known_numbers(answers, JUDGED),
     )
     _check_one_row_per_pair(answers)
     _check_same_pairs(answers)
+    near = (answers["error_r_deg"] < RIGHT_DEG) & (answers["error_t"] < RIGHT_T)
+    answers = answers.assign(right=near & ~answers["failed"], trusted=_trusted(answers, verdicts))
     return _in_order(answers)
+
+
+def _trusted(answers: pd.DataFrame, verdicts: Verdicts) -> pd.Series:
+    """Say which answers are trusted; never one without a probability."""
+    trusted = pd.Series(data=False, index=answers.index)
+    known = answers[answers[PROBABILITY].notna()]
+    for keys, rows in known.groupby(["scenario", "method", "setting"]):
+        file, probability = rows["file"].iloc[0], rows[PROBABILITY].to_numpy()
+        if keys not in verdicts:
+            raise ValueError(f"{file} needs the verdict that its probabilities of {keys[2]} are of")
+        if (probability < 0).any() or (probability > 1).any():
+            raise ValueError(f"{file} needs probabilities in [0, 1], has others")
+        trusted[rows.index] = verdicts[keys].trusts(probability)
+    return trusted
+
+
+def read_all_verdicts(results: Path) -> Verdicts:
+    """Read every ``<method>/verdicts/<scenario>.json``, those of ``shipped`` too; none is fine.
+
+    Raises:
+        ValueError: One is cut short or ill-formed.
+    """
+    files = [*results.glob(f"*/{VERDICTS}/*.json"), *results.glob(f"{SHIPPED}/*/{VERDICTS}/*.json")]
+    return {
+        (file.stem, file.parent.parent.name, setting): verdict
+        for file in sorted(files)
+        for setting, verdict in read_verdicts(file).items()
+    }
 
 
 def _read_texts(file: Path) -> pd.DataFrame:
     """Read one file of answers, every field a text, and say whose its rows are."""
     folder, name = file.parent.name, file.stem
     if folder not in (ABLATIONS, NOISE):
-        answers, table = _read_columns(file, ANSWER), place(name).table
+        answers, table = _read_columns(file, ANSWER, JUDGED), place(name).table
+        answers = pd.DataFrame({**dict.fromkeys(JUDGED, ""), **answers})
         return answers.assign(method=folder, scenario=name, table=table, ablation="")
     ablation = NOISE if folder == NOISE else name
     table = ABLATED[ablation].table if ablation in ABLATED else "extra"
-    answers = _read_columns(file, ["method", *ANSWER], ["scenario"])
-    return pd.DataFrame({"scenario": UNSEEN_OBJECTS, **answers}).assign(
-        table=table, ablation=ablation
-    )
+    answers = _read_columns(file, ["method", *ANSWER], ["scenario", *JUDGED])
+    unsaid = {"scenario": UNSEEN_OBJECTS, **dict.fromkeys(JUDGED, "")}
+    return pd.DataFrame({**unsaid, **answers}).assign(table=table, ablation=ablation)
 
 
 def _read_columns(file: Path, needed: list[str], others: Collection[str] = ()) -> pd.DataFrame:
@@ -139,6 +179,16 @@ def _numbers(rows: pd.DataFrame, columns: list[str]) -> dict[str, np.ndarray]:
             file, text = wrong.iloc[0][["file", name]]
             raise ValueError(f"{file} needs a finite number in column {name}, got {text!r}")
         numbers[name] = values.astype(int) if name == "pair" else values
+    return numbers
+
+
+def _known_numbers(rows: pd.DataFrame, columns: list[str]) -> dict[str, pd.Series]:
+    """The same of columns that may be empty: NaN there."""
+    numbers = {}
+    for name in columns:
+        known = rows[rows[name] != ""]
+        values = _numbers(known, [name])[name]
+        numbers[name] = pd.Series(values, known.index).reindex(rows.index)
     return numbers
 
 

@@ -19,6 +19,7 @@ from pipeline.reporting.pictures import draw_pictures
 from pipeline.reporting.provenance import Provenance
 from pipeline.reporting.reading import (
     PairFile,
+    read_all_verdicts,
     read_all_walks,
     read_answers,
     read_pair_files,
@@ -26,7 +27,7 @@ from pipeline.reporting.reading import (
     read_times,
     read_trainings,
 )
-from pipeline.reporting.tables import make_tables
+from pipeline.reporting.tables import make_tables, make_trust
 from pipeline.settings.params import SHOWN, shown_scenario
 
 BOOTSTRAP_SEED = 0
@@ -50,7 +51,9 @@ def make_report(contents: Contents) -> Report:
     return Report(
         tables={
             "results.csv": write_numbers(contents.numbers),
-            "results.md": render_markdown(contents.tables, contents.banner, contents.findings),
+            "results.md": render_markdown(
+                contents.tables, contents.banner, contents.findings, contents.trust
+            ),
             "results.tex": render_latex(contents.tables, contents.banner),
         },
         pictures=dict(contents.pictures),
@@ -79,7 +82,12 @@ def make_contents(
         FileNotFoundError: There are no results, or no pair file for some of them.
         ValueError: A file is cut short or ill-formed.
     """
-    answers, walks, times = read_answers(results), read_all_walks(results), read_times(results)
+    walks, times, verdicts = (
+        read_all_walks(results),
+        read_times(results),
+        read_all_verdicts(results),
+    )
+    answers = read_answers(results, verdicts)
     files = read_pair_files(pairs, [*answers["scenario"].unique(), *walks])
     trainings = [*read_trainings(models), *read_shipped(results)]
     examples = choose_examples(answers, files)
@@ -89,6 +97,8 @@ def make_contents(
         numbers=numbers,
         answers=answers,
         tables=make_tables(everything, trainings, files),
+        trust=make_trust(numbers),
+        verdicts=verdicts,
         examples=examples,
         pictures=draw_pictures(examples),
         trainings=trainings,

@@ -14,6 +14,11 @@ HEADINGS = {
     "seconds": "time",
     "peak_memory_mib": "memory",
     "spread_over_draws_deg": "spread over draws",
+    "right_percent": "right",
+    "calibration_error_percent": "calibration error",
+    "trusted_percent": "trusted",
+    "wrong_of_trusted_percent": "wrong of the trusted",
+    "trusted_of_right_percent": "trusted of the right",
 }
 """The metrics, in the order of the columns."""
 RESOLVED_DEG = 1e-6

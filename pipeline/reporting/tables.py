@@ -77,7 +77,9 @@ class Cell:
 
     @property
     def interval(self) -> tuple[str, str] | None:
-        """The ends of its interval; None where it says no more than the number does."""
+        """The ends of its interval; None where there is none, or it says no more than the number."""
+        if isnan(self.low):
+            return None
         ends = show_bound(self.metric, self.low), show_bound(self.metric, self.high)
         return None if self.ours == UNRESOLVED and {*ends} <= {UNRESOLVED, "0"} else ends
 
@@ -105,6 +107,11 @@ class Line:
     def aside(self) -> str:
         """The setting as it stands beside the name; empty for the paper's."""
         return "" if self.setting == "paper" else self.setting.replace(",", ", ").replace("_", " ")
+
+    @property
+    def pairs(self) -> int:
+        """Test pairs behind each number."""
+        return next(iter(self.cells.values())).pairs
 
     @property
     def is_floor(self) -> bool:
@@ -153,7 +160,7 @@ class Table:
     @property
     def pairs(self) -> int:
         """Test pairs behind each number."""
-        return next(iter(self.lines[0].cells.values())).pairs
+        return self.lines[0].pairs
 
     @property
     def is_main(self) -> bool:
@@ -201,6 +208,13 @@ def make_tables(
     lines = {keys: _lines(found) for keys, found in choose(numbers, kind="line").groupby(KEY)}
     order = sorted(lines, key=lambda key: (key[0], scenario_rank(key[1]), *key[2:]))
     return [_table(key, lines, budgets, files[key[1]]) for key in order]
+
+
+def make_trust(numbers: pd.DataFrame) -> dict[str, list[Line]]:
+    """Lay out, by scenario, how far the answers of each method that says so can be trusted."""
+    rows = choose(numbers, kind="trust")
+    lines = {scenario: _lines(found) for scenario, found in rows.groupby("scenario")}
+    return {scenario: lines[scenario] for scenario in sorted(lines, key=scenario_rank)}
 
 
 Key = tuple[str, str, str, str]

@@ -9,8 +9,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from pcrdiff.evaluation import evaluate
-from pcrdiff.registration import Method, Normals, Pairs
+from pcrdiff.evaluation import Task, evaluate, evaluate_all
+from pcrdiff.hypotheses import Refinement, Starts, VerifiedMethod
+from pcrdiff.registration import EVIDENCE, Method, Normals, Pairs, Source, Target
 from tests.pcrdiff.synthetic_clouds import random_poses, seeded, synthetic_pairs
 
 T = TypeVar("T")
@@ -129,3 +130,66 @@ def test_a_method_is_shown_the_normals_that_it_wants(normals: Normals, channels:
 def test_pairs_without_the_normals_a_method_wants_are_refused_and_no_failure_of_its() -> None:
     with pytest.raises(ValueError, match="the pairs hold no normals"):
         evaluate(Watching("given"), five_pairs(), seed=1)
+
+
+class Truthful(VerifiedMethod):
+    """Starts from the identity and a turn that its generator drew; refuses some pairs."""
+
+    name = "truthful"
+    refinement = Refinement((0.3, 0.1), 0.05, 0.2, coarse_points=100, finalists=2)
+
+    def __init__(self, refused: tuple[int, ...] = ()) -> None:
+        self.refused, self.asked = refused, 0
+
+    def propose(self, source: Source, target: Target, *, generator: torch.Generator) -> Starts:
+        """As :class:`VerifiedMethod` asks."""
+        k, self.asked = self.asked, self.asked + 1
+        if k in self.refused:
+            raise ValueError("not this one")
+        drawn = random_poses(1, generator=generator)
+        return torch.cat([torch.eye(4, dtype=torch.float64)[None], drawn])
+
+
+def many_points() -> Pairs:
+    return synthetic_pairs(3, 100, generator=seeded(0))
+
+
+def test_evidence_is_kept_where_a_method_gives_some_and_nan_where_it_failed() -> None:
+    given = evaluate(Truthful(refused=(1,)), many_points(), seed=1)
+    assert given.failures == ("", "not this one", "")
+    assert given.evidence is not None
+    assert given.evidence.shape == (3, len(EVIDENCE))
+    assert given.evidence.isnan().any(dim=1).tolist() == [False, True, False]
+    assert given.evidence[1].isnan().all()
+    residual, overlap = given.evidence[0, :2].tolist()  # the first pair is turned by 5 degrees
+    assert residual < 0.01
+    assert overlap > 0.99
+
+
+def test_the_answers_of_a_method_that_verifies_are_those_that_it_registers() -> None:
+    pairs = many_points()
+    given = evaluate(Truthful(), pairs, seed=1)
+    for k in range(len(pairs)):
+        state = np.random.SeedSequence([1, k]).generate_state(1, np.uint64)[0]
+        generator = torch.Generator().manual_seed(int(state >> np.uint64(1)))
+        registered = Truthful().register(
+            pairs.source[k : k + 1], pairs.target[k : k + 1], generator=generator
+        )
+        assert torch.equal(given.T_target_source[k], registered[0])
+
+
+def test_clouds_that_register_refuses_are_failures_of_a_method_that_verifies_too() -> None:
+    pairs = many_points()
+    source = pairs.source.clone()
+    source[2] = torch.nan
+    given = evaluate(Truthful(), replace(pairs, source=source), seed=1)
+    assert given.failures[:2] == ("", "")
+    assert "truthful needs finite points" in given.failures[2]
+
+
+def test_only_methods_that_verify_have_evidence() -> None:
+    pairs = five_pairs()
+    plain, verified = evaluate_all([Task(Guess(), 1), Task(Truthful((0, 1, 2, 3, 4)), 1)], pairs)
+    assert plain.evidence is None
+    assert verified.evidence is not None
+    assert verified.evidence.isnan().all()

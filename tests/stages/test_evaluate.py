@@ -5,12 +5,15 @@ import json
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
 from pcrdiff.methods.icp import ICP
-from pipeline.formats.answers import ANSWER
+from pcrdiff.registration import EVIDENCE
+from pipeline.formats.answers import ANSWER, JUDGED
 from pipeline.formats.pairs import read_pairs
+from pipeline.formats.verdicts import read_verdicts
 from tests.tiny import (
     CB,
     CF,
@@ -25,6 +28,7 @@ from tests.tiny import (
     write_params,
 )
 
+MULTISTART = "gicp_multistart"
 CLASSICAL = ("identity", "constant", "icp_centroid", "icp", "fgr")
 PAIRS_OF_TEST = 3
 
@@ -36,7 +40,8 @@ def written(method: str) -> Path:
 
 def run_evaluate(method: str) -> None:
     group = "evaluate" if method in (CF, CB) else "evaluate_baselines"
-    run_instance(instance(f"{'evaluate_classical' if method in CLASSICAL else group}@{method}"))
+    classical = method in (*CLASSICAL, MULTISTART)
+    run_instance(instance(f"{'evaluate_classical' if classical else group}@{method}"))
 
 
 def rows(method: str) -> list[dict[str, str]]:
@@ -58,7 +63,8 @@ def test_there_is_a_row_a_pair_and_setting(method: str) -> None:
     section = tiny_params()["methods"][method]
     settings = list(section if method in CLASSICAL else section["settings"])
     assert Counter(row["setting"] for row in rows(method)) == dict.fromkeys(settings, 3)
-    assert list(rows(method)[0]) == ANSWER
+    assert list(rows(method)[0]) == [*ANSWER, *JUDGED]
+    assert {row[name] for row in rows(method) for name in JUDGED} == {""}
     test = read_pairs(PAIRS, "test")
     for row in rows(method):
         assert int(row["item"]) == int(test.item[int(row["pair"])])
@@ -76,11 +82,29 @@ def test_the_metrics_are_those_of_the_rows(method: str) -> None:
 
 
 @pytest.mark.usefixtures("project")
-@pytest.mark.parametrize("method", ["constant", "icp", "pcrnet", CF, CB])
+@pytest.mark.parametrize("method", ["constant", "icp", MULTISTART, "pcrnet", CF, CB])
 def test_writes_the_same_bytes_twice(method: str) -> None:
     before = written(method).read_bytes()
     run_evaluate(method)
     assert written(method).read_bytes() == before
+
+
+@pytest.mark.usefixtures("project")
+def test_a_method_that_verifies_says_what_speaks_for_its_answers_and_how_probable_they_are() -> (
+    None
+):
+    folder, answers = written(MULTISTART).parent, rows(MULTISTART)
+    (verdict,) = read_verdicts(folder / "verdicts" / f"{SCENARIO}.json").values()
+    assert verdict.pairs == len(read_pairs(PAIRS, "val"))
+    evidence = np.array([[float(row[name]) for name in EVIDENCE] for row in answers])
+    assert ((evidence[:, 1:3] >= 0) & (evidence[:, 1:3] <= 1)).all()
+    told = [float(row["probability"]) for row in answers]
+    assert told == pytest.approx(verdict.probability(evidence).tolist())
+    assert files_below(Path("results")) == [
+        path
+        for path in files_below(Path("results"))
+        if "verdicts" not in path or MULTISTART in path
+    ]
 
 
 @pytest.mark.usefixtures("project")

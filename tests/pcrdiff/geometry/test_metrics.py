@@ -8,6 +8,7 @@ from pcrdiff.geometry.metrics import (
     error_r_deg,
     error_t,
     euler_difference_deg,
+    is_right,
     translation_difference,
 )
 from pcrdiff.geometry.rigid import from_parts
@@ -17,6 +18,18 @@ from tests.pcrdiff.synthetic_clouds import random_poses, seeded
 def about_x(angle_deg: float, t: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> torch.Tensor:
     R = torch.from_numpy(Rotation.from_euler("x", angle_deg, degrees=True).as_matrix())
     return from_parts(R, torch.tensor(t, dtype=torch.float64)).unsqueeze(0)
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "shift", "right"),
+    [(4.9, 0.099, True), (5.1, 0.0, False), (0.0, 0.101, False), (-4.9, -0.099, True)],
+)
+def test_right_is_what_is_off_by_less_than_five_degrees_and_a_tenth(
+    angle_deg: float, shift: float, right: bool
+) -> None:
+    truth = about_x(170, (3.0, -1.0, 0.2))
+    estimate = about_x(170 + angle_deg, (3.0, -1.0 + shift, 0.2))
+    assert is_right(estimate, truth).tolist() == [right]
 
 
 def test_ten_degrees_about_x_and_a_shift_of_one_half() -> None:

@@ -20,7 +20,8 @@ from torch import nn
 from pcrdiff.evaluation import Estimates
 from pcrdiff.registration import SPLITS, Pairs
 from pcrdiff.training.budget import Epoch
-from pipeline.formats.answers import ANSWER, write_ablation, write_estimates
+from pcrdiff.verdict import Verdict
+from pipeline.formats.answers import ANSWER, JUDGED, write_ablation, write_estimates
 from pipeline.formats.files import write_atomically, write_json
 from pipeline.formats.pairs import Streamed, read_attributes, read_pairs, write_pairs
 from pipeline.formats.weights import read_weights, write_curve, write_weights
@@ -626,7 +627,8 @@ def test_an_answer_is_a_row_a_pair_with_errors_worked_by_hand(tmp_path: Path) ->
     truth = synthetic_pairs(2)  # a quarter turn about z, and the same with 0.1 along x
     write_estimates(tmp_path / "a.csv", truth, {"paper": identities(2, ("", "no, it failed"))})
     rows = read_rows(tmp_path / "a.csv")
-    assert list(rows[0]) == ANSWER
+    assert list(rows[0]) == [*ANSWER, *JUDGED]
+    assert {row[name] for row in rows for name in JUDGED} == {""}
     assert [(r["pair"], r["item"], r["group"], r["setting"], r["failure"]) for r in rows] == [
         ("0", "10", "group 0", "paper", ""),
         ("1", "11", "group 1", "paper", "no, it failed"),
@@ -669,12 +671,31 @@ def test_a_pose_comes_back_from_its_row_to_the_last_bit(tmp_path: Path) -> None:
     assert float(row["T03"]) == 1 / 3
 
 
+def test_what_speaks_for_an_answer_stands_behind_it_and_nothing_where_there_is_none(
+    tmp_path: Path,
+) -> None:
+    evidence = torch.arange(12, dtype=torch.float64).reshape(2, 6) / 12
+    evidence[1] = torch.nan
+    known = replace(identities(2, ("", "it failed")), evidence=evidence)
+    zeros = (0.0,) * 6
+    verdict = Verdict(zeros, (1.0,) * 6, (12.0, *zeros[1:5], 12.0), -5.0, None, 9, 8)
+    given = {"paper": known, "official": known, "other": identities(2, ("", ""))}
+    write_estimates(tmp_path / "a.csv", synthetic_pairs(2), given, {"official": verdict})
+    rows = [[row[name] for name in JUDGED] for row in read_rows(tmp_path / "a.csv")]
+    numbers = [repr(k / 12) for k in range(6)]
+    assert rows == [
+        [*numbers, ""], [""] * 7, [*numbers, "0.5"], [""] * 7, [""] * 7, [""] * 7,
+    ]  # fmt: skip
+    write_ablation(tmp_path / "b.csv", synthetic_pairs(2), {"cb": {"paper": known}})
+    assert [read_rows(tmp_path / "b.csv")[0][name] for name in JUDGED] == [*numbers, ""]
+
+
 def test_an_ablation_names_the_method_of_each_row(tmp_path: Path) -> None:
     one = identities(1, ("",))
     answers = {"cf": {"steps=1": one, "steps=2": one}, "cb": {"steps=1": one}}
     write_ablation(tmp_path / "a.csv", synthetic_pairs(1), answers)
     rows = read_rows(tmp_path / "a.csv")
-    assert list(rows[0]) == ["method", *ANSWER]
+    assert list(rows[0]) == ["method", *ANSWER, *JUDGED]
     assert [(r["method"], r["setting"]) for r in rows] == [
         ("cf", "steps=1"), ("cf", "steps=2"), ("cb", "steps=1"),
     ]  # fmt: skip

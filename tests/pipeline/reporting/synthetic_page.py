@@ -9,7 +9,12 @@ from pipeline.reporting.page import Contents
 from pipeline.reporting.provenance import Provenance
 from pipeline.reporting.report import make_contents as make_the_contents
 from tests.pipeline.reporting.synthetic_benchmarks import make_benchmarks
-from tests.pipeline.reporting.synthetic_results import EVERY_METHOD, SCENARIOS, write_everything
+from tests.pipeline.reporting.synthetic_results import (
+    EVERY_METHOD,
+    SCENARIOS,
+    write_everything,
+    write_verified,
+)
 
 FINDINGS = (
     Finding(
@@ -41,6 +46,8 @@ def make_contents(
 ) -> Contents:
     """Write synthetic inputs under ``folder`` and read them as the report does."""
     write_everything(folder, scenarios, pairs, EVERY_METHOD)
+    for scenario in scenarios:
+        write_verified(folder / "results", scenario, pairs)
     write_benchmarks(folder / "benchmarks", make_benchmarks())
     parts = (folder / name for name in ("results", "models", "pairs", "benchmarks"))
     contents = make_the_contents(*parts, profile="quick", provenance=PROVENANCE)

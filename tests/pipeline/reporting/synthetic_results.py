@@ -9,11 +9,13 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from pcrdiff.registration import SPLITS, Pairs
-from pipeline.formats.answers import ANSWER, POSE
+from pcrdiff.registration import EVIDENCE, SPLITS, Pairs
+from pcrdiff.verdict import Verdict
+from pipeline.formats.answers import ANSWER, JUDGED, POSE
 from pipeline.formats.files import write_csv
 from pipeline.formats.pairs import Streamed
 from pipeline.formats.pairs import write_pairs as write_pairs_file
+from pipeline.formats.verdicts import VERDICTS, write_verdicts
 from pipeline.formats.walks import RecordedWalk
 from pipeline.formats.walks import write_walks as write_the_walks
 from pipeline.reporting.paper import UNSEEN_OBJECTS, VALUES
@@ -88,6 +90,8 @@ ABLATED = {
 """By ablation, method and setting, the standard deviation of the error of each Euler angle."""
 TRAINED = ("diffusion", "representation", "fusion")
 """Ablations that train for each of their values."""
+VERIFIED = "gicp_multistart"
+"""The method that says how sure it is."""
 GROUPS = ("airplane", "bottle", "chair", "vase")
 LEARNED = ("pcrdiffusion_cf", "pcrdiffusion_cb")
 
@@ -115,6 +119,29 @@ def write_everything(
         write_ablated_trainings(models / "ablations")
         for method in methods:
             write_times(results / "times" / f"{method}.csv", method, min(pairs, 5))
+
+
+def write_verified(results: Path, scenario: str, pairs: int) -> None:
+    """Write the answers of ``VERIFIED``, in two settings, each with its probability and verdict."""
+    generator = np.random.default_rng(97)
+    poses, rows = random_poses(pairs, generator), list[dict[str, object]]()
+    for setting, deviation in (("official", 2.0), ("fast", 6.0)):
+        answers = score_rows(poses, deviation, setting, generator)
+        rows += [judged(row, p) for row, p in zip(answers, generator.random(pairs), strict=True)]
+    write_rows(result_file(results, scenario, VERIFIED), rows)
+    settings = {"official": verdict_from(0.25), "fast": verdict_from(None)}
+    write_verdicts(results / VERIFIED / VERDICTS / f"{scenario}.json", settings)
+
+
+def judged(row: dict[str, object], probability: float) -> dict[str, object]:
+    """Give a row what speaks for its answer, and a probability."""
+    return row | dict.fromkeys(JUDGED, "0.5") | {"probability": repr(float(probability))}
+
+
+def verdict_from(threshold: float | None) -> Verdict:
+    """A verdict that trusts from a probability on, fitted to twenty answers of which 15 were right."""
+    zeros, ones = (0.0,) * len(EVIDENCE), (1.0,) * len(EVIDENCE)
+    return Verdict(zeros, ones, zeros, 0.0, threshold, 20, 15)
 
 
 def result_file(results: Path, scenario: str, method: str) -> Path:

@@ -1,5 +1,7 @@
 """Charts: what is drawn, and whose each mark is."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -16,6 +18,7 @@ from pipeline.reporting.charts import (
     distribution_chart,
     errors_chart,
     headlines,
+    reliability_chart,
     speed_chart,
     steps_chart,
 )
@@ -23,7 +26,9 @@ from pipeline.reporting.drawing import CYCLE, axis_start, method_style, thinned
 from pipeline.reporting.page import ABLATED, Contents, make_charts
 from pipeline.reporting.paper import METHODS, shown
 from pipeline.reporting.reading import choose
+from pipeline.reporting.report import make_contents as make_the_contents
 from tests.pipeline.reporting.synthetic_page import make_contents
+from tests.pipeline.reporting.synthetic_results import write_everything
 from tests.pipeline.reporting.test_numbers import pick
 
 UNSEEN = "modelnet40-unseen_objects"
@@ -53,7 +58,7 @@ def test_there_is_a_chart_of_everything_there_is_data_for(contents: Contents) ->
     expected = {"plot-steps", "plot-speed", "plot-bench-latency", "plot-bench-memory"}
     expected |= {"plot-bench-ceilings", *(f"plot-ablation-{name}" for name in ABLATED)}
     expected |= {f"plot-difficulty-{metric}" for metric in MEASURES}
-    kinds = ("error_r_deg", "error_t", "distribution", "curves")
+    kinds = ("error_r_deg", "error_t", "distribution", "reliability", "curves")
     expected |= {f"plot-{kind}-{name}" for kind in kinds for name in SCENARIOS}
     charts = make_charts(contents)
     assert {*charts} == expected
@@ -236,3 +241,42 @@ def test_no_two_methods_look_alike() -> None:
     assert len({method_style(method)[:2] for method in METHODS}) == len(METHODS)
     dashes = {shown(method).kind: method_style(method)[2] for method in METHODS}
     assert dashes == {"floor": "dot", "classical": "dash", "learned": "solid"}
+
+
+def test_reliability_is_the_share_of_right_answers_by_their_probability() -> None:
+    answers = pd.DataFrame(
+        {
+            "scenario": [UNSEEN] * 6 + ["kitti"],
+            "ablation": "",
+            "method": "gicp_multistart",
+            "setting": ["official"] * 5 + ["paper", "official"],
+            "probability": [0.02, 0.04, 0.97, 0.99, np.nan, 0.5, 0.6],
+            "right": [False, True, True, True, True, False, True],
+        }
+    )
+    figure = reliability_chart(answers, UNSEEN)
+    drawn = {
+        (trace.name, trace.xaxis): (list(trace.x), list(trace.y), list(trace.hovertext))
+        for trace in figure.data
+    }
+    name = "GICP, random starts"
+    assert [*drawn] == [
+        (f"{name}, official", "x"), (name, "x"), (f"{name}, official", "x2"), (name, "x2"),
+    ]  # fmt: skip
+    x, y, says = drawn[f"{name}, official", "x"]
+    assert (x, y) == (pytest.approx([0.03, 0.98]), [0.5, 1.0])
+    assert says == [
+        "2 answers of probability 0.03<br>50 % right",
+        "2 answers of probability 0.98<br>100 % right",
+    ]
+    assert drawn[f"{name}, official", "x2"][1] == [2, 2]
+    assert drawn[name, "x"][:2] == ([0.5], [0.0])
+    (diagonal,) = figure.layout.shapes
+    assert (diagonal.x0, diagonal.y0, diagonal.x1, diagonal.y1) == (0, 0, 1, 1)
+
+
+def test_a_scenario_without_probabilities_has_no_reliability_chart(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("kitti",), 3)
+    parts = (tmp_path / name for name in ("results", "models", "pairs", "benchmarks"))
+    charts = make_charts(make_the_contents(*parts, profile="quick"))
+    assert not [name for name in charts if "reliability" in name]

@@ -9,7 +9,11 @@ from pipeline.reporting.claims import Finding
 from pipeline.reporting.documents import ESCAPED, render_latex, render_markdown, replaced
 from pipeline.reporting.report import make_contents
 from pipeline.reporting.tables import Table
-from tests.pipeline.reporting.synthetic_results import plain_row, write_everything
+from tests.pipeline.reporting.synthetic_results import (
+    plain_row,
+    write_everything,
+    write_verified,
+)
 from tests.pipeline.reporting.test_tables import tables_of, write_floors
 
 SCENARIOS = ("modelnet40-unseen_objects", "kitti")
@@ -87,6 +91,23 @@ def test_every_row_of_markdown_has_as_many_cells_as_its_head(made: tuple[list[Ta
     for block in blocks:
         assert len({line.count("|") for line in block.splitlines()}) == 1
     assert "\n\n\n" not in text
+
+
+def test_markdown_ends_with_which_answers_to_trust(tmp_path: Path) -> None:
+    write_everything(tmp_path, ("kitti",), 6)
+    write_verified(tmp_path / "results", "kitti", 6)
+    parts = (tmp_path / name for name in ("results", "models", "pairs", "benchmarks"))
+    contents = make_contents(*parts, profile="quick", provenance=None)
+    text = render_markdown(contents.tables, None, trust=contents.trust)
+    section = text[text.index("## Which answers to trust") :]
+    assert "the validation pairs of the same scenario" in section
+    block = re.findall(r"^\|.*$", section, re.MULTILINE)
+    assert len(block) == 4
+    assert len({line.count("|") for line in block}) == 1
+    assert block[2].startswith("| KITTI | GICP, random starts, fast | 6 | ")
+    assert " | 0.0 [0, 0] | " in block[2]  # trusted
+    assert "\n\n\n" not in text
+    assert "trust" not in render_markdown(contents.tables, None)
 
 
 def test_an_unresolved_angle_is_the_same_in_both(tmp_path: Path) -> None:

@@ -19,8 +19,11 @@ from pipeline.reporting.numbers import (
 )
 from pipeline.reporting.reading import choose, read_answers, read_pair_files, read_times
 from tests.pipeline.reporting.synthetic_results import (
+    VERIFIED,
+    judged,
     plain_row,
     result_file,
+    verdict_from,
     write_everything,
     write_rows,
 )
@@ -221,3 +224,49 @@ def test_the_authors_own_settings_stand_beside_the_same_number(tmp_path: Path) -
     write_rows(result_file(tmp_path, UNSEEN, "rpmnet"), rows)
     found = choose(numbers_of(tmp_path), metric="error_r_deg", subset="all")
     assert found["paper"].tolist() == [2.9619, 2.9619]
+
+
+def judged_answers(folder: Path, probabilities: list[float], off_deg: list[float]) -> pd.DataFrame:
+    """The numbers of answers that are off by so much, judged by a verdict that trusts from 0.8 on."""
+    rows = [
+        judged(plain_row(k, off_deg=off), p)
+        for k, (p, off) in enumerate(zip(probabilities, off_deg, strict=True))
+    ]
+    write_rows(result_file(folder, UNSEEN, VERIFIED), rows)
+    verdicts = {(UNSEEN, VERIFIED, "paper"): verdict_from(0.8)}
+    answers, times = read_answers(folder, verdicts), read_times(folder)
+    return make_numbers(answers, times, measure_difficulty({}), seed=0)
+
+
+def test_trust_is_worked_by_hand_over_the_answers_with_a_probability(tmp_path: Path) -> None:
+    # an error is twice what each angle is off by
+    probabilities, off_deg = [0.9, 0.9, 0.9, 0.5, 0.1], [0.1, 0.1, 9.0, 0.1, 9.0]
+    numbers = judged_answers(tmp_path, probabilities, off_deg)
+    rows = choose(numbers, kind="trust").set_index("metric")
+    error = 100 * (3 * abs(0.9 - 2 / 3) + 0.5 + 0.1) / 5
+    assert rows["value"].to_dict() == pytest.approx(
+        {
+            "right_percent": 60.0,
+            "trusted_percent": 60.0,
+            "wrong_of_trusted_percent": 100 / 3,
+            "trusted_of_right_percent": 200 / 3,
+            "calibration_error_percent": error,
+        },
+        rel=1e-5,
+    )
+    assert {*rows["pairs"]} == {5}
+    sure = rows.drop("calibration_error_percent")
+    assert (sure["low"] < sure["value"]).all()
+    assert (sure["value"] < sure["high"]).all()
+    assert rows.loc["calibration_error_percent", ["low", "high"]].isna().all()
+
+
+def test_answers_without_a_probability_have_no_trust(everything: pd.DataFrame) -> None:
+    assert not len(choose(everything, kind="trust"))
+
+
+def test_an_answer_far_off_in_translation_is_wrong(tmp_path: Path) -> None:
+    write_rows(
+        result_file(tmp_path, UNSEEN, "icp"), [plain_row(0, shift=0.03), plain_row(1, shift=0.04)]
+    )
+    assert read_answers(tmp_path)["right"].tolist() == [True, False]

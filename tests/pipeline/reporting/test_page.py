@@ -151,7 +151,8 @@ def test_a_report_without_trainings_or_ablations_is_still_a_report(tmp_path: Pat
     write_everything(tmp_path, ("kitti",), 3)
     parts = (tmp_path / name for name in ("results", "no_models", "pairs", "benchmarks"))
     page = make_report(make_the_contents(*parts, profile="quick")).page
-    for section in ("ablations", "steps", "speed", "difficulty", "curves", "findings"):
+    absent = "ablations", "steps", "speed", "difficulty", "reliability", "curves", "findings"
+    for section in absent:
         assert f'id="{section}"' not in page
         assert f'href="#{section}"' not in page
 
@@ -180,7 +181,7 @@ def test_each_claim_is_a_line_with_its_verdict_and_our_numbers_behind_it(full: s
 def test_the_page_goes_from_pictures_over_numbers_to_claims(full: str) -> None:
     assert re.findall(r'<section id="(.*?)">', full) == [
         "pairs", "glance", "errors", "ablations", "steps", "speed", "difficulty",
-        "distributions", "curves", "overlays", "walks", "tables", "benchmarks", "provenance",
+        "distributions", "reliability", "curves", "overlays", "walks", "tables", "benchmarks", "provenance",
         "reading", "findings",
     ]  # fmt: skip
 
@@ -213,6 +214,21 @@ def test_claims_are_weighed_on_real_data_and_at_the_papers_size_only(
     assert (elsewhere.format("`", "`") in markdown) != weighed
     assert ('id="findings"' in page) == ('class="verdict ' in page) == weighed
     assert ("What we found" in page) == ("## What we found" in markdown) == weighed
+
+
+def test_trust_stands_beside_the_verdict_that_it_comes_from(full: str) -> None:
+    section = full[full.index('<section id="reliability">') : full.index('<section id="curves">')]
+    assert (
+        "fitted to the method&#39;s answers to the validation pairs of the same scenario" in section
+    )
+    rows = re.findall(
+        r'<tr class="classical" data-method="gicp_multistart">(.*?)</tr>', section, re.S
+    )
+    assert len(rows) == 4  # two scenarios, two settings
+    fast, official = (re.sub(r"<.*?>", " ", row).split() for row in rows[:2])
+    assert fast[-4:] == ["nothing", "20", "15", "right"]
+    assert official[-4:] == ["0.250", "20", "15", "right"]
+    assert "0.0" in fast  # of them none is trusted
 
 
 def test_clouds_are_in_the_page_once_and_poses_are_twelve_numbers(full: str) -> None:

@@ -19,7 +19,16 @@ from tests.pipeline.reporting.synthetic_page import make_contents
 pytestmark = pytest.mark.slow
 SCENARIOS = ("modelnet40-unseen_objects", "3dmatch", "kitti")
 SECTIONS = ["pairs", "glance", "errors", "ablations", "steps", "speed", "difficulty"]
-SECTIONS += ["distributions", "curves", "overlays", "walks", "tables", "benchmarks", "provenance"]
+SECTIONS += [
+    "distributions",
+    "reliability",
+    "curves",
+    "overlays",
+    "walks",
+    "tables",
+    "benchmarks",
+    "provenance",
+]
 SECTIONS += ["reading", "findings"]
 TALLEST = 12_000
 """Pixels, at the width of a laptop."""

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.formats.answers import JUDGED
 from pipeline.formats.pairs import read_pairs
 from pipeline.reporting.clouds import pose_of
 from pipeline.reporting.reading import (
+    read_all_verdicts,
     read_all_walks,
     read_answers,
     read_pair_files,
@@ -19,10 +21,14 @@ from pipeline.reporting.reading import (
 )
 from tests.pipeline.reporting.synthetic_results import (
     ROTATION_ERROR_DEG,
+    VERIFIED,
+    judged,
     plain_row,
     result_file,
+    verdict_from,
     write_everything,
     write_rows,
+    write_verified,
 )
 
 FILE = "icp/modelnet40-unseen_objects.csv"
@@ -78,6 +84,55 @@ def test_refuses_a_pair_twice(tmp_path: Path) -> None:
     write_rows(tmp_path / FILE, [plain_row(0), plain_row(0)])
     with pytest.raises(ValueError, match=r"unseen_objects\.csv .* pair 0 twice"):
         read_answers(tmp_path)
+
+
+def test_probabilities_are_read_with_the_trust_that_their_verdict_has_in_them(
+    tmp_path: Path,
+) -> None:
+    write_verified(tmp_path, "kitti", 8)
+    write_rows(tmp_path / "icp/kitti.csv", [plain_row(pair) for pair in range(8)])
+    verdicts = read_all_verdicts(tmp_path)
+    assert [*verdicts] == [("kitti", VERIFIED, "fast"), ("kitti", VERIFIED, "official")]
+    answers = read_answers(tmp_path, verdicts).set_index(["method", "setting"])
+    assert answers.loc["icp", "probability"].isna().all()
+    assert not answers.loc["icp", "trusted"].any()
+    assert not answers.loc[(VERIFIED, "fast"), "trusted"].any()
+    official = answers.loc[(VERIFIED, "official")]
+    assert ((official["probability"] >= 0.25) == official["trusted"]).all()
+    assert official["trusted"].nunique() == 2
+    assert (official["sharpness"] == 0.5).all()
+
+
+def test_verdicts_of_weights_that_came_with_the_code_are_read_too(tmp_path: Path) -> None:
+    write_verified(tmp_path / "shipped", "kitti", 8)
+    verdicts = read_all_verdicts(tmp_path)
+    assert len(verdicts) == 2
+    assert read_answers(tmp_path, verdicts)["trusted"].any()
+    assert read_shipped(tmp_path) == []
+
+
+def test_refuses_probabilities_without_their_verdict(tmp_path: Path) -> None:
+    write_verified(tmp_path, "kitti", 3)
+    with pytest.raises(ValueError, match=r"kitti\.csv needs the verdict that its probabilities of"):
+        read_answers(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("1.5", r"needs probabilities in \[0, 1\]"), ("sure", "needs a finite number in column prob")],
+)
+def test_refuses_what_is_no_probability(tmp_path: Path, text: str, said: str) -> None:
+    row = judged(plain_row(0), 0.5) | {"probability": text}
+    write_rows(tmp_path / VERIFIED / "kitti.csv", [row])
+    with pytest.raises(ValueError, match=rf"kitti\.csv {said}"):
+        read_answers(tmp_path, {("kitti", VERIFIED, "paper"): verdict_from(0.5)})
+
+
+def test_a_failure_is_never_right_nor_trusted(tmp_path: Path) -> None:
+    failed = judged(plain_row(0), 0.5) | dict.fromkeys(JUDGED, "") | {"failure": "no"}
+    write_rows(tmp_path / VERIFIED / "kitti.csv", [failed, judged(plain_row(1), 0.5)])
+    answers = read_answers(tmp_path, {("kitti", VERIFIED, "paper"): verdict_from(0.0)})
+    assert answers["right"].tolist() == answers["trusted"].tolist() == [False, True]
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "", "one"])
