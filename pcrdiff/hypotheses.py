@@ -80,11 +80,14 @@ class Verified:
 class VerifiedMethod(PairwiseMethod):
     """A method that proposes starts, refines them, and answers with the one that fits best."""
 
+    starts: int
     refinement: Refinement
 
     @abstractmethod
-    def propose(self, source: Source, target: Target, *, generator: torch.Generator) -> Starts:
-        """Start poses T_target_source, the most promising first."""
+    def propose(
+        self, source: Source, target: Target, count: int, *, generator: torch.Generator
+    ) -> Starts:
+        """At most ``count`` start poses T_target_source, the most promising first if it knows."""
 
     def verify(self, source: Source, target: Target, *, generator: torch.Generator) -> Verified:
         """The answer to one pair, and what speaks for it; without a gradient.
@@ -101,8 +104,8 @@ class VerifiedMethod(PairwiseMethod):
         Raises:
             ValueError: The answer is no rigid pose.
         """
-        starts = self.propose(source, target, generator=generator)
-        return refine_and_verify(self.name, starts, source, target, self.refinement)
+        starts = self.propose(source, target, self.starts, generator=generator)
+        return Search(starts, source, target, self.refinement).judge(self.name, len(starts))
 
     def answer_pair(
         self, source: Source, target: Target, *, generator: torch.Generator
@@ -173,40 +176,44 @@ class Verifier:
             check_support(who, near, near, f"within {self.how.truncation}")
 
 
-def refine_and_verify(
-    who: str, starts: Starts, source: Source, target: Target, how: Refinement
-) -> Verified:
-    """Refine every start and answer with the pose under which the clouds fit best.
+class Search:
+    """Starts of one pair, refined on few points of each cloud and ready to be judged."""
 
-    All starts are refined on few points of each cloud; the best of them, as long as they differ,
-    on all points. The true pose is not used.
+    def __init__(self, starts: Starts, source: Source, target: Target, how: Refinement) -> None:
+        """Refine every start."""
+        p, q = source.double().numpy(), target.double().numpy()
+        self.T_source_p, self.T_target_q = _shift(p.mean(axis=0)), _shift(q.mean(axis=0))
+        p, q = p - p.mean(axis=0), q - q.mean(axis=0)
+        coarse = Verifier(_thin(p, how.coarse_points), _thin(q, how.coarse_points), how)
+        T_q_target = np.linalg.inv(self.T_target_q)
+        about_centroids = [T_q_target @ T @ self.T_source_p for T in starts.double().numpy()]
+        self.fits = [coarse.fit(coarse.align(T, *how.distances)) for T in about_centroids]
+        self.fine = Verifier(p, q, how)
 
-    Raises:
-        ValueError: The answer, which ``who`` names, is no rigid pose, or the points that the clouds
-            share do not fix it.
-    """
-    p, q = source.double().numpy(), target.double().numpy()
-    T_source_p, T_target_q = _shift(p.mean(axis=0)), _shift(q.mean(axis=0))
-    p, q = p - p.mean(axis=0), q - q.mean(axis=0)
-    coarse = Verifier(_thin(p, how.coarse_points), _thin(q, how.coarse_points), how)
-    T_q_target = np.linalg.inv(T_target_q)
-    about_centroids = [T_q_target @ T @ T_source_p for T in starts.double().numpy()]
-    fits = [coarse.fit(coarse.align(T, *how.distances)) for T in about_centroids]
-    fine = Verifier(p, q, how)
-    distinct = _distinct(fits)
-    finished = [_finish(fine, fit.T) for fit in distinct[: how.finalists]]
-    best = min(finished, key=lambda fit: fit.residual)
-    fine.check(who, best.T)
-    others = [fit.residual for fit in _distinct(finished) if not _same(fit.T, best.T)]
-    return Verified(
-        check_pose(who, T_target_q @ best.T @ np.linalg.inv(T_source_p)),
-        best.residual,
-        best.overlap,
-        agreement=float(np.mean([_same(fit.T, best.T) for fit in fits])),
-        margin=min(others) - best.residual if others else 1.0,
-        close=fine.close(best.T),
-        sharpness=fine.sharpness(best),
-    )
+    def judge(self, who: str, count: int) -> Verified:
+        """Answer with the pose under which the clouds fit best, of the first ``count`` starts.
+
+        The best of them, as long as they differ, are refined on all points. The true pose is not
+        used.
+
+        Raises:
+            ValueError: The answer, which ``who`` names, is no rigid pose, or the points that the
+                clouds share do not fix it.
+        """
+        fits = self.fits[:count]
+        finished = [_finish(self.fine, fit.T) for fit in _distinct(fits)[: self.fine.how.finalists]]
+        best = min(finished, key=lambda fit: fit.residual)
+        self.fine.check(who, best.T)
+        others = [fit.residual for fit in _distinct(finished) if not _same(fit.T, best.T)]
+        return Verified(
+            check_pose(who, self.T_target_q @ best.T @ np.linalg.inv(self.T_source_p)),
+            best.residual,
+            best.overlap,
+            agreement=float(np.mean([_same(fit.T, best.T) for fit in fits])),
+            margin=min(others) - best.residual if others else 1.0,
+            close=self.fine.close(best.T),
+            sharpness=self.fine.sharpness(best),
+        )
 
 
 def _finish(fine: Verifier, T: Pose) -> Fit:

@@ -3,7 +3,7 @@
 A method's module is imported when it is built: Open3D takes a second that training can spare.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast, get_args
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast, get_args
 from pydantic import ValidationError
 
 from pcrdiff.diffusion.sampling import Walk
-from pcrdiff.hypotheses import Refinement
+from pcrdiff.hypotheses import Refinement, VerifiedMethod
 from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.weights import read_facts, read_weights
@@ -68,19 +68,17 @@ def build_learned(
     section = _section(name, methods)
     given = _network(name, section, variant)
     chosen = section.settings[setting].model_dump()
-    refined = chosen.pop("refined", None)
+    chosen.pop("refined", None)
     if name in MOVED:
-        given["walk"] = _own_walk(given, chosen.pop("steps"), refined["starts"] if refined else 1)
-    elif refined:
-        diffusion = diffusion.model_copy(update={"hypotheses": refined["starts"]})
+        given["walk"] = _own_walk(given, chosen.pop("steps"))
     given |= chosen
     return _build(name, given, diffusion)
 
 
-def _own_walk(network: dict[str, object], steps: int, hypotheses: int) -> Walk:
+def _own_walk(network: dict[str, object], steps: int) -> Walk:
     """The walk of a method that goes on from its own answers, first from the mode of the noise."""
     T = cast(int, network.pop("timesteps"))
-    return Walk(T, steps, "feedback", hypotheses, spacing="quadratic", start="mode")
+    return Walk(T, steps, "feedback", hypotheses=1, spacing="quadratic", start="mode")
 
 
 def build_untrained(
@@ -97,7 +95,7 @@ def build_untrained(
     if "train_updates" in given:
         given["updates"] = given["train_updates"]
     if name in MOVED:
-        given["walk"] = _own_walk(given, VALIDATION_STEPS, 1)
+        given["walk"] = _own_walk(given, VALIDATION_STEPS)
     return _build(name, given, diffusion)
 
 
@@ -141,14 +139,20 @@ def build_classical(
 
 def _given(section: Section) -> dict[str, Any]:
     """What a setting says, by the names of the method's arguments."""
-    given = section.model_dump()
+    return _converted(section.model_dump())
+
+
+def _converted(given: dict[str, Any]) -> dict[str, Any]:
+    """The same with what the library has a class for as that class."""
     if "refinement" in given:
-        given["refinement"] = _refinement(given["refinement"])
+        refinement = given["refinement"]
+        distances = tuple(refinement["distances"])
+        given["refinement"] = Refinement(**{**refinement, "distances": distances})
+    if "matching" in given:
+        from pcrdiff.bindings.open3d_registration import FeatureMatching
+
+        given["matching"] = FeatureMatching(**given["matching"])
     return given
-
-
-def _refinement(given: Mapping[str, Any]) -> Refinement:
-    return Refinement(**{**given, "distances": tuple(given["distances"])})
 
 
 def load_settings(
@@ -177,8 +181,7 @@ def _ready(method: LearnedMethod, section: Section) -> Method:
         return method
     from pcrdiff.models.refined_walks import RefinedWalks
 
-    refinement = _refinement(refined["refinement"])
-    return RefinedWalks(cast("DiffusedMethod[Any]", method), refinement)
+    return RefinedWalks(cast("DiffusedMethod[Any]", method), **_converted(refined))
 
 
 def load_shipped(params: Params, name: str, weights: Path) -> Mapping[str, Method]:
@@ -199,6 +202,38 @@ def load_shipped(params: Params, name: str, weights: Path) -> Mapping[str, Metho
     methods = params.methods.model_copy(update={name: section})
     changed = params.model_copy(update={"methods": methods})
     return load_settings(changed, name, weights, weights)
+
+
+def load_sources(
+    params: Params, scenario: str, pairs: Path, shipped: Path
+) -> Mapping[str, Mapping[str, VerifiedMethod]]:
+    """The sources of ``ablation.starts``: by method, its settings that refine starts.
+
+    Raises:
+        FileNotFoundError, ValueError: The pairs, or the weights that ``shipped`` should hold for the
+            scenario, are not there or not what they should be, or a setting refines no starts.
+    """
+    return {
+        name: _sources(params, name, settings, scenario, pairs, shipped)
+        for name, settings in params.ablation.starts.sources.items()
+    }
+
+
+def _sources(
+    params: Params, name: str, settings: Sequence[str], scenario: str, pairs: Path, shipped: Path
+) -> Mapping[str, VerifiedMethod]:
+    if name in learned_names():
+        found = load_shipped(params, name, shipped / name / f"{scenario}.safetensors")
+    else:
+        found = load_settings(params, name, pairs, None)
+    refining = {key: each for key, each in found.items() if isinstance(each, VerifiedMethod)}
+    for setting in settings:
+        if setting not in refining:
+            raise ValueError(
+                f"ablation.starts.sources.{name} needs settings that refine starts, of which there "
+                f"are {sorted(refining)}, got {setting!r}"
+            )
+    return {setting: refining[setting] for setting in settings}
 
 
 def _network_section(name: str) -> type[Section]:

@@ -139,7 +139,7 @@ def test_quick_trains_the_diffused_methods_and_what_they_are_built_on_for_every_
         needed = {"pcrdiffusion_cf", "pcrdiffusion_cb", "pcrnet", "rpmnet"}
         assert trained_on(scenario, params) == needed
     floors_and_others = {"identity", "constant", "icp_centroid", "icp", "fgr", "ransac_fpfh"}
-    floors_and_others |= {"gicp_multistart"}
+    floors_and_others |= {"gicp_multistart", "sc2_pcr"}
     assert {*params.run.classical} == floors_and_others
 
 

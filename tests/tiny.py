@@ -60,9 +60,14 @@ def tiny_params() -> dict[str, Any]:
         "sampling": {"samplers": ["ddpm", "ddim"], "draws": {CF: 2, CB: 1}},
         "hypotheses": [1, 2],
         "walk": {"steps": 3, "pairs": 2},
+        "noise": {"scenario": SCENARIO, "methods": ["identity", CF], "deviations": [0.0, 0.02]},
+        "starts": {
+            "scenarios": [SCENARIO],
+            "pairs": 2,
+            "counts": [1, 2],
+            "sources": {"gicp_multistart": ["official"], CF: ["refined"]},
+        },
     }
-    noise = {"scenario": SCENARIO, "methods": ["identity", CF], "deviations": [0.0, 0.02]}
-    params["ablation"]["noise"] = noise
     params["timing"] |= {"pairs": 2, "warm_up": 1}
     acquire = params["acquire"]
     acquire["modelnet40"] |= {"source": "local", "root": "boxes", "synthetic": None}
@@ -74,6 +79,9 @@ def tiny_params() -> dict[str, Any]:
     acquire["kitti"]["synthetic"] = {"sequences": 1, "scans_per_sequence": 1}
     params["diffusion"]["timesteps"] = 20
     params["methods"][CF]["network"]["feature_dim"] = 16
+    params["methods"][CF]["settings"]["refined"] = {
+        "refined": params["methods"]["gicp_multistart"]["official"]
+    }
     params["methods"][CB]["network"] |= {
         "feature_dim": 8,
         "neighbours": 4,

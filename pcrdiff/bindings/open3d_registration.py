@@ -10,6 +10,7 @@ from jaxtyping import Float, Float64
 from torch import Tensor
 
 from pcrdiff.bindings.open3d import open3d
+from pcrdiff.geometry.neighbors import nearest_by_distances
 from pcrdiff.geometry.rigid import check_pose
 from pcrdiff.geometry.span import check_support
 
@@ -111,6 +112,22 @@ class FeatureMatching:
         search = hybrid(radius=self.feature_radius, max_nn=self.feature_neighbours)
         # The stub has a third argument without the default that the binding gives it.
         return registration.compute_fpfh_feature(points, search)  # type: ignore[call-arg]
+
+    def match(
+        self, source: Source, target: Target, *, mutual: bool = False
+    ) -> tuple[Float64[Tensor, "matches 3"], Float64[Tensor, "matches 3"]]:
+        """The points of the source, and those of the target whose features are nearest to theirs.
+
+        ``mutual`` keeps a match only if the source's feature is the nearest to the target's, too.
+        """
+        p, q = (
+            torch.tensor(np.asarray(self.fpfh(cloud(points)).data).T).unsqueeze(0)
+            for points in (source, target)
+        )
+        chosen, rows = nearest_by_distances(p, q, 1)[1].flatten(), torch.arange(len(source))
+        if mutual:
+            rows = rows[nearest_by_distances(q, p, 1)[1].flatten()[chosen] == rows]
+        return source[rows].double(), target[chosen[rows]].double()
 
     def ransac(
         self, who: str, source: Source, target: Target, *, generator: torch.Generator

@@ -6,8 +6,8 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-Queries = Float[Tensor, "batch n 3"]
-Points = Float[Tensor, "batch m 3"]
+Queries = Float[Tensor, "batch n dim"]
+Points = Float[Tensor, "batch m dim"]
 Found = tuple[Float[Tensor, "batch n k"], Int[Tensor, "batch n k"]]
 """Squared distance and index of each query's nearest points."""
 BLOCK = 1 << 22

@@ -23,8 +23,10 @@ class GICPMultistart(VerifiedMethod):
         """``T_training`` are the T_target_source of the training pairs, ``starts`` how many."""
         self.rotations, self.starts, self.refinement = T_training[:, :3, :3], starts, refinement
 
-    def propose(self, source: Source, target: Target, *, generator: torch.Generator) -> Starts:
+    def propose(
+        self, source: Source, target: Target, count: int, *, generator: torch.Generator
+    ) -> Starts:
         """Rotations drawn with replacement; each lays the source's centroid on the target's."""
-        chosen = torch.randint(len(self.rotations), (self.starts,), generator=generator)
+        chosen = torch.randint(len(self.rotations), (count,), generator=generator)
         R, p, q = self.rotations[chosen], source.double().mean(dim=0), target.double().mean(dim=0)
         return from_parts(R, q - R @ p)

@@ -37,7 +37,9 @@ SETTINGS = {
     "official": "the authors' own settings",
     "one_step": "one step of the walk",
     "four_steps": "four steps of the walk, each fed with the answer of the last",
-    "refined": "several starts, each refined by generalized ICP, the best fit kept",
+    "refined_one_step": "several walks of one step, each refined by generalized ICP, the best fit kept",
+    "refined": "several walks of four steps, each refined by generalized ICP, the best fit kept",
+    "thorough": "64 starts, each refined by generalized ICP, the best fit kept",
 }
 LEARNED_SETTINGS = {"official": "the authors' own number of updates"}
 """Its network may be a smaller one than theirs; the training says its size."""

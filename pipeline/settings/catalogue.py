@@ -85,6 +85,12 @@ class RefinedSetting(Section):
     refinement: RefinementParams
 
 
+class MatchedSetting(RefinedSetting):
+    """One setting of a method that refines starts made of matched features."""
+
+    matching: FeatureSetting
+
+
 class Updates(Section):
     """One setting of a method that updates its pose again and again."""
 
@@ -236,6 +242,8 @@ class Methods(Section):
     small_gicp: Settings[SmallGICPSetting] = entry("small_gicp", "classical")
     kiss_matcher: Settings[KISSMatcherSetting] = entry("KISS-Matcher", "classical")
     gicp_multistart: Settings[RefinedSetting] = entry("GICP, random starts", "classical")
+    ransac_multistart: Settings[MatchedSetting] = entry("GICP, FPFH triples", "classical")
+    sc2_pcr: Settings[MatchedSetting] = entry("SC2-PCR", "classical")
     pointnetlk: Learned[LucasKanade, Updates] | None = entry("PointNetLK", "baseline")
     pcrnet: Learned[RepeatedRegression, Updates] | None = entry("PCRNet", "baseline")
     deepgmr: Learned[Mixture, NoSetting] | None = entry("DeepGMR", "baseline")

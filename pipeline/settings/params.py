@@ -26,6 +26,7 @@ from pipeline.settings.sections import (
     Scaling,
     SearchPrecision,
     Section,
+    SettingName,
     WithOrWithout,
     Workers,
 )
@@ -212,6 +213,20 @@ class Noise(Section):
     deviations: Listed[Length]
 
 
+class Starts(Section):
+    """The ablation over the number of start poses, by where they come from.
+
+    ``sources`` are settings, by method, that refine starts; a learned one's network is the one that
+    came with the code for the scenario.
+    """
+
+    scenarios: Distinct[str]
+    pairs: Count
+    """Test pairs of each scenario, at most."""
+    counts: Listed[Count]
+    sources: dict[str, Listed[SettingName]]
+
+
 class WalkShown(Section):
     """The walks whose every pose the page shows."""
 
@@ -238,6 +253,7 @@ class Ablation(Section):
     sampling: Sampling
     hypotheses: Listed[Count]
     noise: Noise
+    starts: Starts
     walk: WalkShown
 
 
@@ -286,6 +302,7 @@ class Params(Section):
                 raise ValueError(f"scenarios.{name}.dataset {scenario.dataset!r} is not in acquire")
         named = [(f"trainings.{name}", each) for name, on in self.trainings.items() for each in on]
         named += [("run.trained", name) for name in self.run.trained]
+        named += [("ablation.starts.scenarios", name) for name in self.ablation.starts.scenarios]
         named += [
             ("ablation.scenario", self.ablation.scenario),
             ("ablation.noise.scenario", self.ablation.noise.scenario),
@@ -325,6 +342,7 @@ class Params(Section):
             ("run.classical", self.run.classical, classical_names()),
             ("ablation.methods", self.ablation.methods, DIFFUSED),
             ("ablation.noise.methods", self.ablation.noise.methods, sorted(CATALOGUE)),
+            ("ablation.starts.sources", self.ablation.starts.sources, sorted(CATALOGUE)),
         ]
         for where, methods, known in named:
             for method in methods:
@@ -339,8 +357,13 @@ class Params(Section):
         ablated = *ablation.methods, *ablation.noise.methods
         for method in (*run.diffused, *run.baselines, *run.classical, *ablated):
             for name in ("methods", "train") if method in learned_names() else ("methods",):
-                if getattr(getattr(self, name), method, None) is None:
-                    raise ValueError(f"{method} needs a section {name}.{method}, there is none")
+                self._check_section(name, method)
+        for method in (*run.shipped, *ablation.starts.sources):
+            self._check_section("methods", method)
+
+    def _check_section(self, name: str, method: str) -> None:
+        if getattr(getattr(self, name), method, None) is None:
+            raise ValueError(f"{method} needs a section {name}.{method}, there is none")
 
     def _check_ablated_methods(self) -> None:
         ablation = self.ablation

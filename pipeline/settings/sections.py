@@ -23,9 +23,11 @@ WithOrWithout = Literal["with", "without"]
 Sampler = Literal["ddpm", "ddim", "feedback"]
 SearchPrecision = Literal["float32", "bfloat16", "auto"]
 """Precision of the search for PointNet's maxima; see ``pcrdiff.geometry.precision``."""
-SettingName = Literal["paper", "official", "one_step", "four_steps", "refined"]
+SettingName = Literal[
+    "paper", "official", "one_step", "four_steps", "refined_one_step", "refined", "thorough"
+]
 """The paper's iteration counts, the authors' own settings, steps of a walk that sees the pose, or
-starts that are refined and verified."""
+starts, few or many, that are refined and verified."""
 
 
 def _check_name(name: str) -> str:

@@ -136,12 +136,14 @@ class Truthful(VerifiedMethod):
     """Starts from the identity and a turn that its generator drew; refuses some pairs."""
 
     name = "truthful"
-    refinement = Refinement((0.3, 0.1), 0.05, 0.2, coarse_points=100, finalists=2)
+    starts, refinement = 2, Refinement((0.3, 0.1), 0.05, 0.2, coarse_points=100, finalists=2)
 
     def __init__(self, refused: tuple[int, ...] = ()) -> None:
         self.refused, self.asked = refused, 0
 
-    def propose(self, source: Source, target: Target, *, generator: torch.Generator) -> Starts:
+    def propose(
+        self, source: Source, target: Target, count: int, *, generator: torch.Generator
+    ) -> Starts:
         """As :class:`VerifiedMethod` asks."""
         k, self.asked = self.asked, self.asked + 1
         if k in self.refused:

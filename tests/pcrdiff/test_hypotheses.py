@@ -9,7 +9,7 @@ from torch import Tensor
 
 from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.geometry.rigid import invert, transform
-from pcrdiff.hypotheses import Fit, Refinement, Verified, Verifier, refine_and_verify
+from pcrdiff.hypotheses import Fit, Refinement, Search, Verified, Verifier
 from pcrdiff.methods.gicp_multistart import GICPMultistart
 from pcrdiff.registration import EVIDENCE
 from tests.pcrdiff.synthetic_clouds import lopsided_clouds, seeded, small_pose
@@ -25,6 +25,10 @@ def clouds(n: int = 300) -> tuple[Tensor, Tensor]:
     return source, transform(TRUTH.to(source), source)[order]
 
 
+def verified(starts: Tensor, source: Tensor, target: Tensor, how: Refinement) -> Verified:
+    return Search(starts, source, target, how).judge("one", len(starts))
+
+
 def turned(degrees: float) -> Tensor:
     """The true pose, turned about the target's centroid."""
     _, target = clouds()
@@ -36,7 +40,7 @@ def turned(degrees: float) -> Tensor:
 
 def test_one_good_start_among_bad_ones_is_refined_and_answered() -> None:
     starts = torch.stack([turned(150), turned(8), turned(-100)])
-    found = refine_and_verify("one", starts, *clouds(), HOW)
+    found = verified(starts, *clouds(), HOW)
     assert error_r_deg(found.T_target_source[None], TRUTH[None]).item() < 1e-3
     assert error_t(found.T_target_source[None], TRUTH[None]).item() < 1e-4
     assert found.residual < 1e-3
@@ -46,7 +50,7 @@ def test_one_good_start_among_bad_ones_is_refined_and_answered() -> None:
 
 
 def test_starts_that_all_lead_there_agree_and_leave_no_other() -> None:
-    found = refine_and_verify("one", torch.stack([turned(5), turned(-6)]), *clouds(), HOW)
+    found = verified(torch.stack([turned(5), turned(-6)]), *clouds(), HOW)
     assert (found.agreement, found.margin) == (1, 1)
 
 
@@ -54,8 +58,8 @@ def test_nothing_depends_on_where_the_clouds_lie() -> None:
     source, target = clouds()
     away = small_pose(0, (50.0, -20.0, 10.0))
     moved = transform(away.to(target), target)
-    here = refine_and_verify("one", turned(8)[None], source, target, HOW)
-    there = refine_and_verify("one", (away @ turned(8))[None], source, moved, HOW)
+    here = verified(turned(8)[None], source, target, HOW)
+    there = verified((away @ turned(8))[None], source, moved, HOW)
     back = invert(away) @ there.T_target_source
     torch.testing.assert_close(back, here.T_target_source, atol=1e-4, rtol=0)
     assert there.residual == pytest.approx(here.residual, abs=1e-3)
@@ -73,8 +77,8 @@ def test_the_polish_is_kept_only_where_it_fits_better() -> None:
     source, target = clouds()
     noise = 0.01 * torch.randn(target.shape, generator=seeded(3))
     pair = source, target + noise
-    with_it = refine_and_verify("one", turned(3)[None], *pair, HOW)
-    without = refine_and_verify("one", turned(3)[None], *pair, replace(HOW, polish=1e-9))
+    with_it = verified(turned(3)[None], *pair, HOW)
+    without = verified(turned(3)[None], *pair, replace(HOW, polish=1e-9))
     assert with_it.residual <= without.residual
 
 
@@ -122,7 +126,7 @@ def test_close_points_lie_within_a_third_of_the_truncation() -> None:
 
 
 def test_evidence_is_named_in_the_order_of_its_numbers() -> None:
-    found = refine_and_verify("one", torch.stack([turned(8), turned(150)]), *clouds(), HOW)
+    found = verified(torch.stack([turned(8), turned(150)]), *clouds(), HOW)
     assert found.evidence.tolist() == [getattr(found, name) for name in EVIDENCE]
     assert {*EVIDENCE} == {*Verified.__dataclass_fields__} - {"T_target_source"}
     assert found.close == 1
@@ -153,10 +157,12 @@ def test_verify_refuses_the_clouds_that_register_refuses(points: int) -> None:
 class Learning(GICPMultistart):
     """Says whether it was asked for starts where gradients are kept."""
 
-    def propose(self, source: Tensor, target: Tensor, *, generator: torch.Generator) -> Tensor:
+    def propose(
+        self, source: Tensor, target: Tensor, count: int, *, generator: torch.Generator
+    ) -> Tensor:
         """As it always does."""
         self.kept = torch.is_grad_enabled()
-        return super().propose(source, target, generator=generator)
+        return super().propose(source, target, count, generator=generator)
 
 
 def test_verify_keeps_no_gradient() -> None:

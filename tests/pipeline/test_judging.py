@@ -22,12 +22,14 @@ class Sure(VerifiedMethod):
     """Answers the identity, and is surer the larger the number that its generator drew."""
 
     name = "sure"
-    refinement = Refinement((0.1,), 0.1, 0.1, 1, 1)
+    starts, refinement = 1, Refinement((0.1,), 0.1, 0.1, 1, 1)
 
     def __init__(self) -> None:
         self.drawn: list[float] = []
 
-    def propose(self, source: Source, target: Target, *, generator: torch.Generator) -> Starts:
+    def propose(
+        self, source: Source, target: Target, count: int, *, generator: torch.Generator
+    ) -> Starts:
         """Not asked."""
         raise NotImplementedError
 

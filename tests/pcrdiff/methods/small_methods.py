@@ -5,9 +5,10 @@ from typing import Any, TypedDict, TypeVar
 
 import torch
 
+from pcrdiff.bindings.open3d_registration import FeatureMatching
 from pcrdiff.diffusion.sampling import Walk
 from pcrdiff.geometry.representation import RepresentationName
-from pcrdiff.hypotheses import Refinement
+from pcrdiff.hypotheses import Refinement, VerifiedMethod
 from pcrdiff.methods.constant import Constant
 from pcrdiff.methods.dcp_v1 import DCPv1
 from pcrdiff.methods.dcp_v2 import DCPv2
@@ -27,7 +28,9 @@ from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.methods.pcrnet import PCRNet
 from pcrdiff.methods.pointnetlk import PointNetLK
 from pcrdiff.methods.ransac_fpfh import RansacFPFH
+from pcrdiff.methods.ransac_multistart import RansacMultistart
 from pcrdiff.methods.rpmnet import RPMNet
+from pcrdiff.methods.sc2_pcr import SC2PCR
 from pcrdiff.methods.small_gicp import SmallGICP
 from pcrdiff.methods.trimmed_icp import TrimmedICP
 from pcrdiff.models.diffused import DiffusedMethod
@@ -88,6 +91,15 @@ def make_fgr() -> FGR:
     return FGR(iterations=64, max_distance=0.01, **FPFH)
 
 
+Matched = TypeVar("Matched", bound=VerifiedMethod)
+
+
+def make_matched(kind: Callable[..., Matched], starts: int) -> Matched:
+    """A method that refines starts made of matched features."""
+    refinement = Refinement((0.1,), 0.05, 0.1, coarse_points=64, finalists=3)
+    return kind(FeatureMatching(max_distance=0.05, **FPFH), starts, refinement)
+
+
 Refined = TypeVar("Refined", bound=RefinedMethod)
 
 
@@ -126,6 +138,8 @@ CLASSICAL: dict[str, Callable[[], Method]] = {
         refinement=Refinement((0.5, 0.1), 0.05, 0.1, coarse_points=64, finalists=3),
     ),
     "kiss_matcher": lambda: KISSMatcher(voxel_size=0.05, timeout=60.0),
+    "ransac_multistart": lambda: make_matched(RansacMultistart, starts=64),
+    "sc2_pcr": lambda: make_matched(SC2PCR, starts=8),
 }
 LEARNED: dict[str, Callable[[], LearnedMethod]] = {
     "pointnetlk": lambda: PointNetLK(feature_dim=64, difference=0.1, train_updates=2, updates=3),
