@@ -3,7 +3,7 @@
 A method's module is imported when it is built: Open3D takes a second that training can spare.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast, get_args
@@ -205,35 +205,33 @@ def load_shipped(params: Params, name: str, weights: Path) -> Mapping[str, Metho
 
 
 def load_sources(
-    params: Params, scenario: str, pairs: Path, shipped: Path
-) -> Mapping[str, Mapping[str, VerifiedMethod]]:
-    """The sources of ``ablation.starts``: by method, its settings that refine starts.
+    params: Params, name: str, scenario: str, pairs: Path, shipped: Path
+) -> Mapping[str, VerifiedMethod]:
+    """A method of ``ablation.starts``, in those of its settings that are sources of starts.
+
+    A learned one gets the weights that came with the code for the scenario, below ``shipped``.
 
     Raises:
-        FileNotFoundError, ValueError: The pairs, or the weights that ``shipped`` should hold for the
-            scenario, are not there or not what they should be, or a setting refines no starts.
+        FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be,
+            or a setting refines no starts.
     """
-    return {
-        name: _sources(params, name, settings, scenario, pairs, shipped)
-        for name, settings in params.ablation.starts.sources.items()
-    }
-
-
-def _sources(
-    params: Params, name: str, settings: Sequence[str], scenario: str, pairs: Path, shipped: Path
-) -> Mapping[str, VerifiedMethod]:
     if name in learned_names():
         found = load_shipped(params, name, shipped / name / f"{scenario}.safetensors")
     else:
         found = load_settings(params, name, pairs, None)
     refining = {key: each for key, each in found.items() if isinstance(each, VerifiedMethod)}
-    for setting in settings:
-        if setting not in refining:
-            raise ValueError(
-                f"ablation.starts.sources.{name} needs settings that refine starts, of which there "
-                f"are {sorted(refining)}, got {setting!r}"
-            )
-    return {setting: refining[setting] for setting in settings}
+    wanted = params.ablation.starts.sources[name]
+    if unknown := sorted(set(wanted) - set(refining)):
+        raise ValueError(
+            f"ablation.starts.sources.{name} needs settings that refine starts, of which there are "
+            f"{sorted(refining)}, got {unknown}"
+        )
+    return {setting: refining[setting] for setting in wanted}
+
+
+def named_count(setting: str, count: int) -> str:
+    """What results call a source of starts under a number of them."""
+    return f"{setting},starts={count}"
 
 
 def _network_section(name: str) -> type[Section]:

@@ -18,7 +18,7 @@ from pipeline.answering import answer_all
 from pipeline.compute.machine import settle
 from pipeline.formats.answers import write_ablation
 from pipeline.formats.pairs import read_pairs
-from pipeline.loading import load_sources
+from pipeline.loading import load_sources, named_count
 from pipeline.settings.params import Params, read_params
 from pipeline.tracking.journal import journal
 
@@ -37,14 +37,11 @@ def main(argv: list[str] | None = None) -> None:
     shown = {"search_precision": search_precision(), "scenario": args.scenario}
     with journal(params=shown, inputs=[args.pairs]) as notes:
         test = some_of(read_pairs(args.pairs, "test"), params.ablation.starts.pairs)
-        sources = load_sources(params, args.scenario, args.pairs, args.weights)
         answers = {
-            name: {
-                named: estimates
-                for setting, source in settings.items()
-                for named, estimates in answer_counts(params, setting, source, test).items()
-            }
-            for name, settings in sources.items()
+            name: answer_counts(
+                params, load_sources(params, name, args.scenario, args.pairs, args.weights), test
+            )
+            for name in params.ablation.starts.sources
         }
         write_ablation(args.answers, test, answers)
         notes.artifact(args.answers)
@@ -57,12 +54,16 @@ def some_of(pairs: Pairs, most: int) -> Pairs:
 
 
 def answer_counts(
-    params: Params, setting: str, source: VerifiedMethod, test: Pairs
+    params: Params, settings: Mapping[str, VerifiedMethod], test: Pairs
 ) -> Mapping[str, Estimates]:
-    """The answers of a source under each count of its starts."""
+    """The answers of a source, in each of its settings under each count of its starts."""
     counts = params.ablation.starts.counts
-    shared = SearchOnce(source, max(counts))
-    drawn = {f"{setting},starts={count}": (FirstStarts(shared, count), 0) for count in counts}
+    shared = {setting: SearchOnce(source, max(counts)) for setting, source in settings.items()}
+    drawn = {
+        named_count(setting, count): (FirstStarts(search, count), 0)
+        for setting, search in shared.items()
+        for count in counts
+    }
     return answer_all(params, drawn, test)
 
 

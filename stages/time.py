@@ -3,6 +3,7 @@
 import argparse
 import time
 from collections.abc import Callable, Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
@@ -14,12 +15,13 @@ import torch
 from torch import Tensor
 
 from pcrdiff.geometry.precision import search_precision
+from pcrdiff.hypotheses import VerifiedMethod
 from pcrdiff.registration import Method, Pairs
 from pipeline.compute.machine import end_with_parent, forget_peak, resident, settle
 from pipeline.formats.files import write_csv
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.weights import WEIGHTS
-from pipeline.loading import load_settings
+from pipeline.loading import load_settings, load_sources, named_count
 from pipeline.settings.params import SHOWN, Params, read_params
 from pipeline.tracking.journal import journal
 
@@ -29,6 +31,10 @@ def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pairs", type=Path, required=True)
     parser.add_argument("--models", type=Path, required=True, help="folder of all weights")
+    parser.add_argument(
+        "--starts", type=Path, required=True, help="pairs that sources are timed on"
+    )
+    parser.add_argument("--weights", type=Path, required=True, help="folder of shipped weights")
     parser.add_argument("--costs", type=Path, required=True)
     args = parser.parse_args(argv)
 
@@ -40,12 +46,16 @@ def main(argv: list[str] | None = None) -> None:
             write_costs(args.costs / f"{name}.csv", costs)
             if name in SHOWN:
                 notes.metrics({f"{SHOWN[name]}.seconds": mean_seconds(costs)})
+        starts = dict(time_starts(params, args.starts, args.weights))
+        write_costs_of_starts(args.costs / f"{STARTS}.csv", params.timing.starts, starts)
         notes.artifact(args.costs)
 
 
 T = TypeVar("T")
 FORK = get_context("fork")
 COLUMNS = ("pair", "setting", "seconds", "peak_memory_mib")
+STARTS = "starts"
+"""What sources of starts took, of which there is one file for all."""
 
 
 @dataclass(frozen=True)
@@ -70,15 +80,52 @@ def time_all(params: Params, pairs: Path, models: Path) -> Iterator[tuple[str, C
     Raises:
         FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
     """
-    timing, test = params.timing, read_pairs(pairs, "test")
-    if timing.pairs > len(test):
-        raise ValueError(
-            f"timing.pairs needs at most the {len(test)} test pairs, got {timing.pairs}"
-        )
-    first = test.select(torch.arange(timing.pairs))
+    timing, first = params.timing, first_pairs(params, pairs)
     for name, weights in timed_methods(params, models).items():
         load = partial(load_settings, params, name, pairs, weights)
         yield name, in_a_child(partial(time_settings, load, first, timing.warm_up))
+
+
+def time_starts(params: Params, pairs: Path, shipped: Path) -> Iterator[tuple[str, Costs]]:
+    """Time the sources of ``ablation.starts`` on ``timing.starts``, under each count of starts.
+
+    Raises:
+        FileNotFoundError, ValueError: The pairs or weights are not there or not what they should be.
+    """
+    first = first_pairs(params, pairs)
+    for name in params.ablation.starts.sources:
+        load = partial(load_counts, params, name, pairs, shipped)
+        yield name, in_a_child(partial(time_settings, load, first, params.timing.warm_up))
+
+
+def load_counts(params: Params, name: str, pairs: Path, shipped: Path) -> Mapping[str, Method]:
+    """A source of starts in each of its settings, under each count."""
+    sources = load_sources(params, name, params.timing.starts, pairs, shipped)
+    return {
+        named_count(setting, count): with_starts(source, count)
+        for setting, source in sources.items()
+        for count in params.ablation.starts.counts
+    }
+
+
+def with_starts(source: VerifiedMethod, count: int) -> VerifiedMethod:
+    """The same source with another number of starts."""
+    changed = copy(source)
+    changed.starts = count
+    return changed
+
+
+def first_pairs(params: Params, pairs: Path) -> Pairs:
+    """The test pairs that are timed.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: It is not a pair file, or has fewer test pairs.
+    """
+    test, wanted = read_pairs(pairs, "test"), params.timing.pairs
+    if wanted > len(test):
+        raise ValueError(f"timing.pairs needs at most the {len(test)} test pairs, got {wanted}")
+    return test.select(torch.arange(wanted))
 
 
 def in_a_child(work: Callable[[], T]) -> T:
@@ -161,12 +208,21 @@ def _register(method: Method, source: Tensor, target: Tensor) -> None:
 
 def write_costs(path: Path, costs: Costs) -> None:
     """Write ``results/times/<method>.csv``: one row per setting and pair."""
-    rows = [
+    write_csv(path, [list(COLUMNS), *_rows(costs)])
+
+
+def write_costs_of_starts(path: Path, scenario: str, costs: Mapping[str, Costs]) -> None:
+    """Write the same rows for several methods, led by the scenario and the method's name."""
+    rows = [[scenario, name, *row] for name, found in costs.items() for row in _rows(found)]
+    write_csv(path, [["scenario", "method", *COLUMNS], *rows])
+
+
+def _rows(costs: Costs) -> list[list[object]]:
+    return [
         [pair, setting, cost.seconds, cost.peak_memory_mib]
         for setting, found in costs.items()
         for pair, cost in enumerate(found)
     ]
-    write_csv(path, [list(COLUMNS), *rows])
 
 
 def mean_seconds(costs: Costs) -> float:

@@ -68,7 +68,7 @@ def tiny_params() -> dict[str, Any]:
             "sources": {"gicp_multistart": ["official"], CF: ["refined"]},
         },
     }
-    params["timing"] |= {"pairs": 2, "warm_up": 1}
+    params["timing"] |= {"pairs": 2, "warm_up": 1, "starts": SCENARIO}
     acquire = params["acquire"]
     acquire["modelnet40"] |= {"source": "local", "root": "boxes", "synthetic": None}
     acquire["3dmatch"]["synthetic"] = {

@@ -258,9 +258,10 @@ class Ablation(Section):
 
 
 class Timing(Section):
-    """Table 6: batch 1, a number of pairs of one scenario."""
+    """Table 6: batch 1, a number of pairs of one scenario; of ``ablation.starts`` on another."""
 
     scenario: str
+    starts: str
     pairs: Count
     warm_up: Count
 
@@ -307,6 +308,7 @@ class Params(Section):
             ("ablation.scenario", self.ablation.scenario),
             ("ablation.noise.scenario", self.ablation.noise.scenario),
             ("timing.scenario", self.timing.scenario),
+            ("timing.starts", self.timing.starts),
         ]
         for where, name in named:
             if name not in self.scenarios:

@@ -95,7 +95,7 @@ def test_a_source_that_refines_nothing_is_refused(project: Path) -> None:
     said = refusal("ablate_starts", instance(f"ablate_starts@{SCENARIO}").argv)
     assert said.endswith(
         "ablation.starts.sources.pcrdiffusion_cf needs settings that refine starts, of which there "
-        "are ['refined'], got 'paper'"
+        "are ['refined'], got ['paper']"
     )
     assert project.is_dir()
 

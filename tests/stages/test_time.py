@@ -15,7 +15,7 @@ from tests.tiny import CF, PAIRS, files_below, instance, refusal
 
 @pytest.mark.parametrize(
     ("method", "settings"),
-    [(CF, ["paper"]), ("rpmnet", ["paper", "official"]), ("icp", ["paper", "official"])],
+    [(CF, ["paper", "refined"]), ("rpmnet", ["paper", "official"]), ("icp", ["paper", "official"])],
 )
 def test_writes_what_each_of_the_first_pairs_took_in_each_setting(
     project: Path, method: str, settings: list[str]
@@ -37,7 +37,9 @@ def test_a_process_of_its_own_times_every_method(project: Path) -> None:
     subprocess.run(command, check=True, timeout=300)
     params = read_params()
     timed = [*params.run.classical, *params.run.diffused, *params.run.baselines]
-    assert files_below(project / "results/times") == sorted(f"{name}.csv" for name in timed)
+    assert files_below(project / "results/times") == sorted(
+        f"{name}.csv" for name in [*timed, "starts"]
+    )
 
 
 def test_a_pair_file_that_was_cut_is_refused_and_nothing_is_written(project: Path) -> None:
