@@ -6,10 +6,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from pipeline.formats.weights import SHIPPED
 from pipeline.reporting.charts import starts_chart
 from pipeline.reporting.claims import weigh_sources
 from pipeline.reporting.documents import render_latex, render_markdown
-from pipeline.reporting.reading import choose, read_answers, read_times
+from pipeline.reporting.reading import Training, choose, read_answers, read_times
 from pipeline.reporting.tables import Table, make_tables
 from tests.pipeline.reporting.synthetic_results import plain_row, write_rows, write_starts
 from tests.pipeline.reporting.test_numbers import numbers_of, pick
@@ -199,3 +200,20 @@ def test_without_random_or_learned_starts_nothing_is_weighed(tmp_path: Path, lef
     found = numbers_of(tmp_path)
     assert weigh_sources(found) == {}
     assert len(tables_of(found)) == 2
+
+
+def test_a_line_tells_of_the_weights_that_came_along_and_of_its_most_failures(
+    tmp_path: Path,
+) -> None:
+    file = write_found(tmp_path, "kitti")
+    lines = file.read_text().splitlines()
+    failed = [line.replace('"paper,starts=4",', '"paper,starts=4",no match') for line in lines]
+    file.write_text("\n".join(failed) + "\n")
+    facts = {"epochs": 9, "data": {"source": "download"}}
+    came = Training("kitti", "pcrdiffusion_cf", facts, pd.DataFrame(), (SHIPPED,))
+    (table, _) = make_tables(numbers_of(tmp_path), [came], {"kitti": file_of("kitti")})
+    failures = {line.method: line.failures for line in table.lines}
+    assert failures == dict.fromkeys(FOUND, 0) | {"pcrdiffusion_cf": 10}
+    (cf,) = (line for line in table.lines if line.method == "pcrdiffusion_cf")
+    said = "weights that came with the code, from download data, 9 epochs"
+    assert said in table.notes[cf.note - 1]
