@@ -32,11 +32,14 @@ from pipeline.reporting.paper import (
     UNSEEN_OBJECTS,
     in_order,
     method_rank,
+    named,
+    place,
     setting_rank,
     shown,
+    source_of,
     varied,
 )
-from pipeline.reporting.reading import Training, choose
+from pipeline.reporting.reading import STARTS, Training, choose
 from pipeline.reporting.showing import show_short, unit_of
 
 LINE_HEIGHT = 22
@@ -156,6 +159,38 @@ def steps_chart(numbers: pd.DataFrame, unit: str) -> go.Figure:
     figure = draw(points.assign(y=points["drawn"]), 380)
     figure.update_xaxes(type="log", tickvals=sorted({*points["x"]}), title="sampling steps")
     return figure.update_yaxes(rangemode="tozero")
+
+
+def starts_chart(numbers: pd.DataFrame, scenario: str) -> go.Figure:
+    """Draw the share of pairs found against the number of starts; at the right, against time.
+
+    A line for each source of starts. Where a scenario has no times of its own, those of another
+    stand for them, and the axis says whose they are.
+    """
+    rows = choose(numbers, ablation=STARTS, kind="line", subset="all")
+    seconds = choose(rows, metric="seconds")
+    points = choose(rows, scenario=scenario, metric="below_5_deg_percent")
+    sources = zip(points["method"], map(source_of, points["setting"]), strict=True)
+    points = by_method(with_intervals(points)).assign(
+        label=[named(*source) for source in sources],
+        x=points["starts"].astype(int),
+        y=points["value"],
+        panel="by number of starts",
+    )
+    points = points.sort_values(["label", "x"]).sort_values("method", key=ranks, kind="stable")
+    points["color"] = [CYCLE[index % len(CYCLE)] for index in pd.factorize(points["label"])[0]]
+    others = seconds["scenario"].iloc[:1]
+    where = scenario if (seconds["scenario"] == scenario).any() else "".join(others)
+    times = choose(seconds, scenario=where).set_index(["method", "setting"])["value"]
+    timed = points.join(times.rename("seconds"), on=["method", "setting"]).dropna(subset="seconds")
+    timed = timed.assign(x=1e3 * timed["seconds"], panel="by time")
+    figure = draw(pd.concat([points, timed]), 420)
+    measured = f", measured on {place(where).title}" if where else ""
+    figure.update_xaxes(**LOG_LABELLED, title=f"time for a pair [ms]{measured}", col=2)
+    counts = sorted({*points["x"]})
+    figure.update_xaxes(type="log", tickvals=counts, title="number of starts", col=1)
+    figure.update_yaxes(range=[-3, 103])
+    return figure.update_yaxes(title=MEASURES["below_5_deg_percent"], col=1)
 
 
 def speed_chart(numbers: pd.DataFrame) -> go.Figure:
@@ -306,8 +341,9 @@ def _reliability(method: str, setting: str, answers: pd.DataFrame) -> pd.DataFra
         f"{counts} answers of probability {predicted:.2f}<br>{100 * observed:.0f} % right"
         for predicted, observed, counts in points.itertuples(index=False)
     ]
-    label = shown(method).name + ("" if setting == "paper" else f", {setting.replace('_', ' ')}")
-    return points.assign(method=method, label=label, x=points["predicted"], says=says)
+    return points.assign(
+        method=method, label=named(method, setting), x=points["predicted"], says=says
+    )
 
 
 def curves_chart(trainings: Iterable[Training]) -> go.Figure:

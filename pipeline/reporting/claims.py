@@ -3,7 +3,7 @@
 The rule of the verdicts is ``verdicts.RULE``; it is printed above the findings.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import pandas as pd
@@ -18,11 +18,16 @@ from pipeline.reporting.paper import (
     TIMING,
     UNSEEN_OBJECTS,
     in_order,
+    method_rank,
+    named,
     place,
     printed,
+    scenario_rank,
     shown,
+    source_of,
+    varied,
 )
-from pipeline.reporting.reading import choose
+from pipeline.reporting.reading import STARTS, choose
 from pipeline.reporting.verdicts import (
     NO_DIFFERENCE_DEG,
     Number,
@@ -55,6 +60,10 @@ ELSEWHERE = (
     " gives no verdicts."
 )
 """Stands in a report without findings."""
+RANDOM_STARTS = "gicp_multistart"
+"""The source that learned ones are held against."""
+SAMPLES = (1, 4)
+"""How many of a learned source are held against random starts."""
 FULL_OVERLAP = tuple(name for name, at in SCENARIOS.items() if at.table in ("1a", "1b", "1c", "2"))
 
 
@@ -381,4 +390,39 @@ def _noise(numbers: Numbers) -> Finding:
         ),
         ours=tuple(sentences),
         verdict=less([row for rows in contrasts.values() for row in rows]),
+    )
+
+
+def weigh_sources(numbers: pd.DataFrame) -> dict[str, list[str]]:
+    """Say, by scenario, how many random starts find as many pairs as samples of a learned source.
+
+    A sentence for each learned source; a scenario without random or learned starts has none. What
+    is compared are the shares themselves, not their intervals.
+    """
+    rows = choose(numbers, kind="line", subset="all", ablation=STARTS, metric="below_5_deg_percent")
+    told = {name: [*_sources(found)] for name, found in rows.groupby("scenario")}
+    return {name: told[name] for name in sorted(told, key=scenario_rank) if told[name]}
+
+
+def _sources(rows: pd.DataFrame) -> Iterator[str]:
+    sources: dict[tuple[str, str], dict[int, Number]] = {}
+    for row in map(Number._make, rows[[*Number._fields]].itertuples(index=False, name=None)):
+        source = sources.setdefault((row.method, source_of(row.setting)), {})
+        source[int(varied(row.setting)["starts"])] = row
+    random = sources.pop((RANDOM_STARTS, ""), {})
+    for method, setting in sorted(sources, key=lambda key: (method_rank(key[0]), key[1])):
+        found = sources[method, setting]
+        parts = [_worth(k, found[k], random) for k in SAMPLES if random and k in found]
+        if parts and shown(method).kind == "learned":
+            yield f"{named(method, setting)}: {'; '.join(parts)}."
+
+
+def _worth(samples: int, row: Number, random: Mapping[int, Number]) -> str:
+    """Say how many pairs some samples find, and how many random starts find no fewer."""
+    enough = [count for count, other in random.items() if other.value >= row.value]
+    count = min(enough, default=max(random))
+    starts = f"{'' if enough else 'more than '}{count} random start{'s' * (count != 1)}"
+    finds = "sample finds" if samples == 1 else "samples find"
+    return (
+        f"{samples} {finds} {said(row)} of the pairs, which takes {starts} ({said(random[count])})"
     )

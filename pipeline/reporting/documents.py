@@ -36,6 +36,11 @@ TRUSTED = (
     f" validation pairs, at most {100 * MOST_WRONG:g} % were wrong and no more were expected to be."
 )
 """How an answer comes to be trusted."""
+WORTH = (
+    "A source is worth the starts that it saves: read how many random starts find as many pairs as one"
+    " or four samples."
+)
+"""How to read what was found from so many starts."""
 SYMBOLS = {"†": r"$^\dagger$", "‡": r"$^\ddagger$"}
 
 
@@ -52,7 +57,7 @@ def environment(*, html: bool = False, delimiters: dict[str, str] | None = None)
     )
     made.globals.update(
         RULE=RULE, ELSEWHERE=ELSEWHERE, MARKS=MARKS, RESAMPLES=RESAMPLES, TRUSTED=TRUSTED,
-        TRUST_COLUMNS=TRUST_COLUMNS,
+        TRUST_COLUMNS=TRUST_COLUMNS, WORTH=WORTH,
     )  # fmt: skip
     return made
 
@@ -62,11 +67,12 @@ def render_markdown(
     banner: str | None,
     findings: Sequence[Finding] = (),
     trust: Mapping[str, Sequence[Line]] = MappingProxyType({}),
+    sources: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> str:
-    """Write what was found, all tables, with floors, the paper's numbers and footnotes, and trust."""
+    """Write what was found, all tables, with floors and the paper's numbers, trust and starts."""
     template = environment().get_template("results.md.j2")
     return template.render(
-        tables=tables, banner=banner, findings=findings, trust=trust, place=place
+        tables=tables, banner=banner, findings=findings, trust=trust, sources=sources, place=place
     )
 
 

@@ -26,6 +26,7 @@ from pipeline.reporting.charts import (
     headlines,
     reliability_chart,
     speed_chart,
+    starts_chart,
     steps_chart,
 )
 from pipeline.reporting.claims import Finding
@@ -45,7 +46,7 @@ from pipeline.reporting.paper import (
 )
 from pipeline.reporting.pictures import embedded
 from pipeline.reporting.provenance import Provenance
-from pipeline.reporting.reading import PairFile, Training, Verdicts
+from pipeline.reporting.reading import STARTS, PairFile, Training, Verdicts, choose
 from pipeline.reporting.showing import describe_budget, show_bound, show_short
 from pipeline.reporting.tables import TRAINED_ON_NOISE, Line, Table, best, unbeaten
 
@@ -76,6 +77,8 @@ class Contents:
     findings: Sequence[Finding] = ()
     walks: Mapping[str, Sequence[RecordedWalk]] = field(default_factory=dict)
     """By scenario."""
+    sources: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """By scenario, a sentence for each learned source of starts."""
     provenance: Provenance | None = None
     benchmarks: Benchmarks | None = None
     """What `make bench` measured, on whichever machine; None where it did not."""
@@ -120,7 +123,7 @@ def render_page(contents: Contents) -> str:
 
 def make_charts(contents: Contents) -> dict[str, Figure]:
     """Draw everything there is data for, by the id of its place on the page."""
-    numbers, charts = contents.numbers, _error_charts(contents)
+    numbers, charts = contents.numbers, _error_charts(contents) | _starts_charts(contents.numbers)
     unit = contents.files[UNSEEN_OBJECTS].unit if UNSEEN_OBJECTS in contents.files else ""
     for name in ABLATED:
         if len(ablated(numbers, name)):
@@ -151,6 +154,11 @@ def _error_charts(contents: Contents) -> dict[str, Figure]:
     for scenario in contents.trust:
         charts[f"plot-reliability-{scenario}"] = reliability_chart(contents.answers, scenario)
     return charts
+
+
+def _starts_charts(numbers: pd.DataFrame) -> dict[str, Figure]:
+    tried = choose(numbers, ablation=STARTS, metric="below_5_deg_percent")["scenario"].unique()
+    return {f"plot-starts-{scenario}": starts_chart(numbers, scenario) for scenario in tried}
 
 
 def _script_safe(data: Mapping[str, Any]) -> str:

@@ -60,6 +60,7 @@ ABLATIONS = {  # by the stem of the file under results/ablations: also what it v
     "steps": Place("7", "Sampling steps"),
     "hypotheses": Place("extra", "Several starts, the answer chosen without the truth"),
     "noise": Place("extra", "Noise added at the test"),
+    "starts": Place("extra", "Starts to success"),
 }
 TIMING = Place("6", "Accuracy and speed")
 VALUES = {  # the order of an ablation's values where it is not their natural one
@@ -71,7 +72,7 @@ VALUES = {  # the order of an ablation's values where it is not their natural on
     "scaling": ("raw", "standardised"),
     "fusion": ("concat", "target", "source"),
 }  # fmt: skip
-VARIED = ["steps", "hypotheses", "noise", *VALUES]
+VARIED = ["steps", "hypotheses", "noise", "starts", *VALUES]
 """What ablations vary: the keys of their settings."""
 CONCAT = "fusion=concat"
 """The setting of a row of Table 5 that the paper names and prints no numbers for."""
@@ -132,6 +133,17 @@ def place(scenario: str) -> Place:
 def varied(setting: str) -> dict[str, str]:
     """Read what a setting of an ablation sets, as in ``steps=4,sampler=ddim``."""
     return dict(part.split("=", 1) for part in setting.split(",") if "=" in part)
+
+
+def source_of(setting: str) -> str:
+    """Give what a setting of the ablation of starts says beside their number, often nothing."""
+    return ",".join(part for part in setting.split(",") if not part.startswith("starts="))
+
+
+def named(method: str, setting: str) -> str:
+    """Name a method in a setting of its own; the paper's needs no name."""
+    aside = "" if setting in ("", "paper") else f", {setting.replace('_', ' ')}"
+    return f"{shown(method).name}{aside}"
 
 
 def setting_rank(setting: str) -> tuple[list[int], list[tuple[float, str]]]:

@@ -26,8 +26,12 @@ EULER = ["rx_deg", "ry_deg", "rz_deg"]
 SHIFT = ["tx", "ty", "tz"]
 NUMBERS = ANSWER[5:]
 """The columns of an answer that hold numbers: errors, differences by axis, the pose."""
-ABLATIONS, TIMES, WALKS, NOISE = "ablations", "times", "walks", "noise"
-"""Folders beside those of the methods; the ablation ``noise`` has a file for each method."""
+ABLATIONS, TIMES, WALKS = "ablations", "times", "walks"
+"""Folders beside those of the methods."""
+NOISE, STARTS = "noise", "starts"
+"""The ablations that have a folder: of files for each method, and for each scenario."""
+HOW_MANY = r"(\w+,)?starts=[1-9]\d*"
+"""A setting of the ablation of starts: that of their source, and how many there were."""
 TIMED = ["seconds", "peak_memory_mib"]
 SET = ["table", "ablation", "scenario", "method", "setting", "draw"]
 """What the answers of one set have in common; a further draw of the noise is a set of its own."""
@@ -43,7 +47,7 @@ def choose(frame: pd.DataFrame, **wanted: object) -> pd.DataFrame:
 
 
 def read_answers(folder: Path, verdicts: Verdicts = MappingProxyType({})) -> pd.DataFrame:
-    """Read ``<method>/<scenario>.csv``, ``shipped/*/*.csv``, ``ablations/*.csv``, ``ablations/noise/*.csv``.
+    """Read ``<method>/<scenario>.csv``, ``shipped/*/*.csv``, ``ablations/*.csv``, ``ablations/*/*.csv``.
 
     Returns:
         A row for each answer to a pair, in the order of the sets and of the pairs. Besides the
@@ -55,12 +59,12 @@ def read_answers(folder: Path, verdicts: Verdicts = MappingProxyType({})) -> pd.
 
     Raises:
         FileNotFoundError: There is none.
-        ValueError: One is cut short or ill-formed, its pairs are not those of its neighbours, or it
-            has probabilities that are of no verdict.
+        ValueError: One is cut short or ill-formed, its pairs are not those of its neighbours, it
+            has probabilities that are of no verdict, or does not say how many starts it is of.
     """
     main = [file for file in folder.glob("*/*.csv") if file.parent.name != TIMES]
-    deeper = [*folder.glob(f"{ABLATIONS}/{NOISE}/*.csv"), *folder.glob(f"{SHIPPED}/*/*.csv")]
-    files = sorted([*main, *deeper])
+    deeper = (f"{ABLATIONS}/{NOISE}", f"{ABLATIONS}/{STARTS}", f"{SHIPPED}/*")
+    files = sorted([*main, *(file for name in deeper for file in folder.glob(f"{name}/*.csv"))])
     if not files:
         raise FileNotFoundError(f"{folder} needs a <method>/<scenario>.csv, found none")
     answers = pd.concat([_read_texts(file) for file in files], ignore_index=True)
@@ -74,6 +78,7 @@ def read_answers(folder: Path, verdicts: Verdicts = MappingProxyType({})) -> pd.
     )
     _check_one_row_per_pair(answers)
     _check_same_pairs(answers)
+    _check_starts(answers)
     near = (answers["error_r_deg"] < RIGHT_DEG) & (answers["error_t"] < RIGHT_T)
     answers = answers.assign(right=near & ~answers["failed"], trusted=_trusted(answers, verdicts))
     return _in_order(answers)
@@ -110,14 +115,15 @@ def read_all_verdicts(results: Path) -> Verdicts:
 def _read_texts(file: Path) -> pd.DataFrame:
     """Read one file of answers, every field a text, and say whose its rows are."""
     folder, name = file.parent.name, file.stem
-    if folder not in (ABLATIONS, NOISE):
+    if folder not in (ABLATIONS, NOISE, STARTS):
         answers, table = _read_columns(file, ANSWER, JUDGED), place(name).table
         answers = pd.DataFrame({**dict.fromkeys(JUDGED, ""), **answers})
         return answers.assign(method=folder, scenario=name, table=table, ablation="")
-    ablation = NOISE if folder == NOISE else name
+    ablation = name if folder == ABLATIONS else folder
     table = ABLATED[ablation].table if ablation in ABLATED else "extra"
     answers = _read_columns(file, ["method", *ANSWER], ["scenario", *JUDGED])
-    unsaid = {"scenario": UNSEEN_OBJECTS, **dict.fromkeys(JUDGED, "")}
+    scenario = name if folder == STARTS else UNSEEN_OBJECTS
+    unsaid = {"scenario": scenario, **dict.fromkeys(JUDGED, "")}
     return pd.DataFrame({**unsaid, **answers}).assign(table=table, ablation=ablation)
 
 
@@ -133,31 +139,36 @@ def _read_columns(file: Path, needed: list[str], others: Collection[str] = ()) -
 
 
 def read_times(folder: Path) -> pd.DataFrame:
-    """Read every ``times/<method>.csv``; none is fine.
+    """Read every ``times/<method>.csv``, and ``times/starts.csv`` of several; none is fine.
 
     Returns:
         The columns of :func:`read_answers` that say whose an answer is, ``failed`` (False: a pair
         that failed took its time too) and ``TIMED``: seconds, and MiB of memory above those of the
-        loaded process.
+        loaded process. ``scenario`` is empty for starts whose file has no such column.
 
     Raises:
         ValueError: One is cut short, has other columns, has a pair twice, or no time above zero.
     """
-    empty = pd.DataFrame(columns=["pair", "setting", *TIMED, "method", "file"])
-    texts = [
-        _read_columns(file, ["pair", "setting", *TIMED]).assign(method=file.stem)
-        for file in sorted(folder.glob(f"{TIMES}/*.csv"))
-    ]
+    needed, whose = ["pair", "setting", *TIMED], ["table", "ablation", "scenario", "method"]
+    empty = pd.DataFrame(columns=[*needed, *whose, "file"])
+    texts = [_read_timed(file, needed) for file in sorted(folder.glob(f"{TIMES}/*.csv"))]
     times = pd.concat([empty, *texts], ignore_index=True)
-    times = times.assign(
-        table=TIMING.table, ablation="", scenario=UNSEEN_OBJECTS, draw=0, failed=False,
-        **_numbers(times, ["pair", *TIMED]),
-    )  # fmt: skip
+    times = times.assign(draw=0, failed=False, **_numbers(times, ["pair", *TIMED]))
     wrong = times.loc[(times["seconds"] <= 0) | (times["peak_memory_mib"] < 0), "file"]
     if len(wrong):
         raise ValueError(f"{wrong.iloc[0]} needs times above zero and memory not below, has others")
     _check_one_row_per_pair(times)
+    _check_starts(times)
     return _in_order(times)
+
+
+def _read_timed(file: Path, needed: list[str]) -> pd.DataFrame:
+    """Read one file of times, every field a text, and say whose its rows are."""
+    if file.stem != STARTS:
+        own = {"table": TIMING.table, "ablation": "", "scenario": UNSEEN_OBJECTS}
+        return _read_columns(file, needed).assign(method=file.stem, **own)
+    times = pd.DataFrame({"scenario": "", **_read_columns(file, ["method", *needed], ["scenario"])})
+    return times.assign(table=ABLATED[STARTS].table, ablation=STARTS)
 
 
 def _in_order(rows: pd.DataFrame) -> pd.DataFrame:
@@ -215,6 +226,14 @@ def _check_same_pairs(answers: pd.DataFrame) -> None:
                 f"{file} needs all {wanted[ablation, scenario]} pairs its scenario was tried on,"
                 f" has {count} under {method}, {setting}"
             )
+
+
+def _check_starts(rows: pd.DataFrame) -> None:
+    here = choose(rows, ablation=STARTS)
+    wrong = here[~here["setting"].astype(str).str.fullmatch(HOW_MANY)]
+    if len(wrong):
+        file, setting = wrong.iloc[0][["file", "setting"]]
+        raise ValueError(f"{file} needs settings like starts=4, paper,starts=4, has {setting!r}")
 
 
 def read_all_walks(results: Path) -> dict[str, list[RecordedWalk]]:

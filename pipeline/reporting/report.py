@@ -8,7 +8,7 @@ import pandas as pd
 
 from pipeline.formats.benchmarks import read_benchmarks
 from pipeline.reporting.charts import headlines
-from pipeline.reporting.claims import UNWEIGHED, make_findings
+from pipeline.reporting.claims import UNWEIGHED, make_findings, weigh_sources
 from pipeline.reporting.clouds import choose_examples
 from pipeline.reporting.difficulty import measure_difficulty
 from pipeline.reporting.documents import render_latex, render_markdown
@@ -52,7 +52,11 @@ def make_report(contents: Contents) -> Report:
         tables={
             "results.csv": write_numbers(contents.numbers),
             "results.md": render_markdown(
-                contents.tables, contents.banner, contents.findings, contents.trust
+                contents.tables,
+                contents.banner,
+                contents.findings,
+                contents.trust,
+                contents.sources,
             ),
             "results.tex": render_latex(contents.tables, contents.banner),
         },
@@ -98,6 +102,7 @@ def make_contents(
         answers=answers,
         tables=make_tables(everything, trainings, files),
         trust=make_trust(numbers),
+        sources=weigh_sources(numbers),
         verdicts=verdicts,
         examples=examples,
         pictures=draw_pictures(examples),

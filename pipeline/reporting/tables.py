@@ -20,8 +20,9 @@ from pipeline.reporting.paper import (
     scenario_rank,
     setting_rank,
     shown,
+    source_of,
 )
-from pipeline.reporting.reading import NOISE, PairFile, Training, choose
+from pipeline.reporting.reading import NOISE, STARTS, PairFile, Training, choose
 from pipeline.reporting.showing import (
     HEADINGS,
     UNRESOLVED,
@@ -53,6 +54,8 @@ TRAINED_ON_NOISE = "modelnet40-gaussian_noise"
 """Where the methods were trained whose tests the ablation ``noise`` makes noisier."""
 KEY = ["table", "scenario", "ablation", "subset"]
 """What the numbers of one table have in common."""
+SHOWN_BY_STARTS = ("below_5_deg_percent", "error_r_deg")
+"""The metrics of the ablation of starts, each in a table of its own."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ class Line:
     method: str
     setting: str
     cells: Mapping[str, Cell]
-    """By metric."""
+    """By metric, or by number of starts."""
     failures: int
     """Pairs on which the method failed; each is scored as the identity pose."""
     marks: str = ""
@@ -133,10 +136,13 @@ class Table:
     unit: str
     """Of length."""
     metrics: tuple[str, ...]
+    """The columns; numbers of starts where all are of ``metric``."""
     lines: tuple[Line, ...]
     notes: tuple[str, ...]
     absent: tuple[str, ...]
     """Floors, and methods the paper has a row for, that these results lack."""
+    metric: str = ""
+    """Of a table with a column for each number of starts."""
 
     @property
     def title(self) -> str:
@@ -146,13 +152,14 @@ class Table:
         if self.number == TIMING.table:
             return f"{numbered}: {TIMING.title} ({where})"
         if self.ablation in ABLATIONS:
-            return f"{numbered}: {ABLATIONS[self.ablation].title} ({where})"
+            of = f", {HEADINGS[self.metric]}" if self.metric else ""
+            return f"{numbered}: {ABLATIONS[self.ablation].title}{of} ({where})"
         return f"{numbered}: {where}{f' ({self.ablation})' if self.ablation else ''}"
 
     @property
     def anchor(self) -> str:
         """Where it stands on the page, beside its other subsets."""
-        return "-".join(filter(None, (self.number, self.scenario, self.ablation)))
+        return "-".join(filter(None, (self.number, self.scenario, self.ablation, self.metric)))
 
     @property
     def label(self) -> str:
@@ -180,22 +187,28 @@ class Table:
 
     def heads(self) -> list[tuple[str, str]]:
         """Name the columns of numbers and their units."""
+        if self.metric:
+            unit = unit_of(self.metric, self.unit)
+            return [(f"{starts} start{'s' * (starts != '1')}", unit) for starts in self.metrics]
         return [(HEADINGS[metric], unit_of(metric, self.unit)) for metric in self.metrics]
 
 
 def best(lines: Iterable[Line]) -> dict[str, float]:
-    """Find the best value of each metric among the methods that are not floors."""
+    """Find the best value of each column among the methods that are not floors."""
     winners: dict[str, float] = {}
-    for cell in (cell for line in lines if not line.is_floor for cell in line.cells.values()):
+    cells = (item for line in lines if not line.is_floor for item in line.cells.items())
+    for column, cell in cells:
         better = max if cell.metric.endswith("_percent") else min
-        winners[cell.metric] = better(winners.get(cell.metric, cell.value), cell.value)
+        winners[column] = better(winners.get(column, cell.value), cell.value)
     return winners
 
 
 def make_tables(
     numbers: pd.DataFrame, trainings: Iterable[Training], files: Mapping[str, PairFile]
 ) -> list[Table]:
-    """Lay numbers out as the paper's tables, then the extra ones; every table has the floors.
+    """Lay numbers out as the paper's tables, then the extra ones, then those by starts.
+
+    Every table has the floors, but for the last: a floor starts nowhere.
 
     Args:
         numbers: As :func:`pipeline.reporting.numbers.make_numbers` gives them, and the spreads.
@@ -207,9 +220,12 @@ def make_tables(
         for one in trainings
         for setting in one.settings or [""]
     }
-    lines = {keys: _lines(found) for keys, found in choose(numbers, kind="line").groupby(KEY)}
+    rows = choose(numbers, kind="line")
+    by_starts = rows["ablation"] == STARTS
+    lines = {keys: _lines(found) for keys, found in rows[~by_starts].groupby(KEY)}
     order = sorted(lines, key=lambda key: (key[0], scenario_rank(key[1]), *key[2:]))
-    return [_table(key, lines, budgets, files[key[1]]) for key in order]
+    tables = [_table(key, lines, budgets, files[key[1]]) for key in order]
+    return [*tables, *_tables_by_starts(rows[by_starts], budgets, files)]
 
 
 def make_trust(numbers: pd.DataFrame) -> dict[str, list[Line]]:
@@ -224,14 +240,14 @@ Budgets = Mapping[tuple[str, str, str], Training]
 """By scenario, method and ablated setting."""
 
 
-def _lines(numbers: pd.DataFrame) -> list[Line]:
-    """Make the lines of one table, in the order of the paper."""
+def _lines(numbers: pd.DataFrame, column: str = "metric") -> list[Line]:
+    """Make the lines of one table, in the order of the paper, with a cell for each ``column``."""
     fields = ["metric", "value", "low", "high", "paper", "pairs"]
     lines = []
     for (method, setting), rows in numbers.groupby(["method", "setting"]):
         cells = [Cell(*row) for row in rows[fields].itertuples(index=False)]
-        cells_by_metric = {cell.metric: cell for cell in cells}
-        lines.append(Line(method, setting, cells_by_metric, rows["failures"].iloc[-1]))
+        columns = dict(zip(rows[column], cells, strict=True))
+        lines.append(Line(method, setting, columns, rows["failures"].max()))
     return sorted(lines, key=lambda line: _line_rank((line.method, line.setting)))
 
 
@@ -262,6 +278,31 @@ def _table(key: Key, lines: Mapping[Key, list[Line]], budgets: Budgets, file: Pa
         notes=tuple(unique),
         absent=_absent(key, ordered),
     )
+
+
+def _tables_by_starts(
+    numbers: pd.DataFrame, budgets: Budgets, files: Mapping[str, PairFile]
+) -> list[Table]:
+    """Make, of each scenario, a table for each of ``SHOWN_BY_STARTS``: a line is a source of starts."""
+    rows = numbers[numbers["metric"].isin(SHOWN_BY_STARTS)]
+    rows = rows.assign(setting=[source_of(setting) for setting in rows["setting"]])
+    tables = []
+    for (table, scenario, ablation, subset, metric), found in rows.groupby([*KEY, "metric"]):
+        lines, file = _lines(found, "starts"), files[scenario]
+        key = table, scenario, ablation, subset
+        notes = [_note(line, key, budgets, file) for line in lines]
+        unique = [*dict.fromkeys(notes)]
+        noted = (
+            replace(line, note=unique.index(note) + 1)
+            for line, note in zip(lines, notes, strict=True)
+        )
+        counts = tuple(sorted({*found["starts"]}, key=int))
+        tables.append(Table(*key, file.unit, counts, (*noted,), (*unique,), (), metric))
+
+    def rank(table: Table) -> tuple[object, ...]:
+        return scenario_rank(table.scenario), SHOWN_BY_STARTS.index(table.metric), table.subset
+
+    return sorted(tables, key=rank)
 
 
 def _marks(line: Line, floors: Sequence[Line]) -> str:
@@ -304,10 +345,10 @@ def _note(line: Line, key: Key, budgets: Budgets, file: PairFile) -> str:
         setting = LEARNED_SETTINGS.get(own, setting)
         budget = _budget(line, key, budgets)
         training = describe_budget(budget) if budget else "training budget not recorded"
-        if budget and line.setting != own:
+        if budget and SHIPPED in budget.settings:
             source = budget.budget.get("data", {}).get("source", "unknown")
             training = f"weights that came with the code, from {source} data, {training}"
-    varies = "=" in setting  # the line names it
+    varies = not setting or "=" in setting  # the line names it
     said = [*([] if varies else [f"Setting: {setting}."]), f"Data: {file.source}."]
     said.append(f"Training: {training}.")
     if table == TIMING.table and (seconds := line.cells.get("seconds")):
@@ -318,6 +359,8 @@ def _note(line: Line, key: Key, budgets: Budgets, file: PairFile) -> str:
             said.append(f"The paper prints its time as below {BOUND} s.")
     if ablation == NOISE and not varies:
         said.append("Tested without added noise.")
+    if ablation == STARTS:
+        said.append("Failures: the most with any number of starts.")
     if line.setting == CONCAT:
         said.append(
             "The paper prints no numbers for this row: it says that training does not converge."
@@ -337,7 +380,7 @@ def _ships(setting: str) -> bool:
 def _budget(line: Line, key: Key, budgets: Budgets) -> Training | None:
     """Find the training behind a line: the ablation's own, or the one whose weights it took."""
     _, scenario, ablation, _ = key
-    if _ships(line.setting):
+    if _ships(line.setting) or ablation == STARTS:
         return budgets.get((scenario, line.method, SHIPPED))
     if ablation in TRAINED and "=" in line.setting:
         return budgets.get((scenario, line.method, line.setting))

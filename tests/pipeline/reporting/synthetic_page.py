@@ -13,6 +13,7 @@ from tests.pipeline.reporting.synthetic_results import (
     EVERY_METHOD,
     SCENARIOS,
     write_everything,
+    write_starts,
     write_verified,
 )
 
@@ -46,6 +47,7 @@ def make_contents(
 ) -> Contents:
     """Write synthetic inputs under ``folder`` and read them as the report does."""
     write_everything(folder, scenarios, pairs, EVERY_METHOD)
+    write_starts(folder / "results", scenarios[:2], pairs)
     for scenario in scenarios:
         write_verified(folder / "results", scenario, pairs)
     write_benchmarks(folder / "benchmarks", make_benchmarks())

@@ -88,6 +88,16 @@ ABLATED = {
     },
 }
 """By ablation, method and setting, the standard deviation of the error of each Euler angle."""
+STARTED = {
+    "gicp_multistart": {f"starts={k}": 40 / k for k in (1, 2, 4, 8, 16, 64)},
+    "pcrdiffusion_cf": {f"paper,starts={k}": 9 / k for k in (1, 4, 16)},
+    "pcrdiffusion_cb_moved": {
+        f"{walk},starts={k}": off / k
+        for walk, off in (("one_step", 12), ("four_steps", 5))
+        for k in (1, 2, 4)
+    },
+}
+"""The same of the ablation of starts, by their source."""
 TRAINED = ("diffusion", "representation", "fusion")
 """Ablations that train for each of their values."""
 VERIFIED = "gicp_multistart"
@@ -170,6 +180,20 @@ def write_ablation(file: Path, answers: Mapping[str, Mapping[str, float]], pairs
         for row in score_rows(poses, deviation, setting, generator)
     ]
     write_rows(file, rows)
+
+
+def write_starts(results: Path, scenarios: tuple[str, ...], pairs: int) -> None:
+    """Write the ablation of starts on some scenarios, and its times on the first."""
+    for scenario in scenarios:
+        write_ablation(results / "ablations" / "starts" / f"{scenario}.csv", STARTED, pairs)
+    rows = [
+        {"method": method, "pair": pair, "setting": setting, "seconds": repr(seconds)}
+        for method, settings in STARTED.items()
+        for pair in range(min(pairs, 5))
+        for seconds, setting in enumerate(settings, start=1)
+    ]
+    timed = [{"scenario": scenarios[0], **row, "peak_memory_mib": "5.0"} for row in rows]
+    write_rows(results / "times" / "starts.csv", timed)
 
 
 def write_ablated_trainings(folder: Path) -> None:

@@ -58,6 +58,7 @@ def test_there_is_a_chart_of_everything_there_is_data_for(contents: Contents) ->
     expected = {"plot-steps", "plot-speed", "plot-bench-latency", "plot-bench-memory"}
     expected |= {"plot-bench-ceilings", *(f"plot-ablation-{name}" for name in ABLATED)}
     expected |= {f"plot-difficulty-{metric}" for metric in MEASURES}
+    expected |= {f"plot-starts-{name}" for name in SCENARIOS[:2]}
     kinds = ("error_r_deg", "error_t", "distribution", "reliability", "curves")
     expected |= {f"plot-{kind}-{name}" for kind in kinds for name in SCENARIOS}
     charts = make_charts(contents)

@@ -151,8 +151,8 @@ def test_a_report_without_trainings_or_ablations_is_still_a_report(tmp_path: Pat
     write_everything(tmp_path, ("kitti",), 3)
     parts = (tmp_path / name for name in ("results", "no_models", "pairs", "benchmarks"))
     page = make_report(make_the_contents(*parts, profile="quick")).page
-    absent = "ablations", "steps", "speed", "difficulty", "reliability", "curves", "findings"
-    for section in absent:
+    absent = "ablations", "steps", "starts", "speed", "difficulty", "reliability", "curves"
+    for section in (*absent, "findings"):
         assert f'id="{section}"' not in page
         assert f'href="#{section}"' not in page
 
@@ -180,10 +180,17 @@ def test_each_claim_is_a_line_with_its_verdict_and_our_numbers_behind_it(full: s
 
 def test_the_page_goes_from_pictures_over_numbers_to_claims(full: str) -> None:
     assert re.findall(r'<section id="(.*?)">', full) == [
-        "pairs", "glance", "errors", "ablations", "steps", "speed", "difficulty",
+        "pairs", "glance", "errors", "ablations", "steps", "starts", "speed", "difficulty",
         "distributions", "reliability", "curves", "overlays", "walks", "tables", "benchmarks", "provenance",
         "reading", "findings",
     ]  # fmt: skip
+
+
+def test_under_the_chart_of_starts_stands_what_each_source_is_worth(full: str) -> None:
+    section = full[full.index('<section id="starts">') : full.index('<section id="speed">')]
+    assert section.count("A source is worth the starts that it saves: read how many") == 2
+    assert section.count("<li>PCRDiffusion CF: 1 sample finds ") == 2
+    assert "<li>PCRDiffusion CB moved, one step: 1 sample finds " in section
 
 
 def test_the_page_opens_with_a_picture_of_each_data_set(full: str) -> None:

@@ -18,7 +18,7 @@ from tests.pipeline.reporting.synthetic_page import make_contents
 
 pytestmark = pytest.mark.slow
 SCENARIOS = ("modelnet40-unseen_objects", "3dmatch", "kitti")
-SECTIONS = ["pairs", "glance", "errors", "ablations", "steps", "speed", "difficulty"]
+SECTIONS = ["pairs", "glance", "errors", "ablations", "steps", "starts", "speed", "difficulty"]
 SECTIONS += [
     "distributions",
     "reliability",
