@@ -53,6 +53,13 @@ def needed_stages(params: Params) -> Sequence[str]:
     ]
 
 
+def shipped_weights(params: Params) -> list[Path]:
+    """The networks that came with the code for the scenario whose starts are timed."""
+    folder, name = PROJECT / "pcrdiff/weights", f"{params.timing.starts}.safetensors"
+    files = [folder / method / name for method in params.run.shipped]
+    return [file for file in files if file.is_file()]
+
+
 def weights_of(method: str) -> Path:
     """Where a method's weights lie."""
     return Path("models") / method / SCENARIO / WEIGHTS

@@ -9,16 +9,18 @@ from jaxtyping import Float
 from torch import Tensor
 
 from benchmarks.effort import Effort
-from benchmarks.inputs import make_pairs, trained_methods, weights_of
+from benchmarks.inputs import make_pairs, shipped_weights, trained_methods, weights_of
 from benchmarks.measuring import Comparison, summarise, time_of
 from pcrdiff.geometry.metrics import error_r_deg, error_t
 from pcrdiff.registration import LearnedMethod, Method, Pairs
 from pipeline.compute.progress import bar
 from pipeline.formats.benchmarks import Latency
-from pipeline.loading import build_classical, load_learned, settings_of
+from pipeline.formats.weights import shipped_setting
+from pipeline.loading import build_classical, load_learned, load_shipped, settings_of
 from pipeline.settings.params import Params
 
 CF, CB, RPMNET, ICP = "pcrdiffusion_cf", "pcrdiffusion_cb", "rpmnet", "icp_centroid"
+MULTISTART, RANSAC = "gicp_multistart", "ransac_fpfh"
 BLIND = ("identity", "constant")
 """Methods that do not look at the clouds; nobody's peers."""
 
@@ -127,7 +129,10 @@ def measure_registration(params: Params, effort: Effort) -> list[Contender]:
 
 
 def contend(params: Params, effort: Effort) -> Iterable[Contender]:
-    """Every method of the scenario's table in every setting, and CF on a part of the points."""
+    """Every method of the scenario's table in every setting, and CF on a part of the points.
+
+    Beside them networks that came with the code, for the starts that are refined.
+    """
     pairs = make_pairs(params, effort.points, effort.pairs)
     test = pairs["test"]
     for name in params.run.classical:
@@ -141,6 +146,9 @@ def contend(params: Params, effort: Effort) -> Iterable[Contender]:
             yield Contender(learned, setting, test)
             if name == CF:
                 yield Contender(learned, setting, first_points(test, effort.subset))
+    for weights in shipped_weights(params):
+        for setting, method in load_shipped(params, weights.parent.name, weights).items():
+            yield Contender(method, shipped_setting(setting), test)
 
 
 def first_points(pairs: Pairs, count: int) -> Pairs:
@@ -171,6 +179,9 @@ def compare_registrations(contenders: Sequence[Contender]) -> list[Comparison]:
     if cf and icp:
         name, unit = "cf_throughput_vs_icp", "pairs/s"
         found.append(Comparison(name, cf.rates, icp.rates, unit, higher_is_better=True))
+    starts, ransac = _slowest(full, MULTISTART), _slowest(full, RANSAC)
+    if starts and ransac:
+        found.append(_latencies("refined_starts_latency_vs_ransac", starts, ransac))
     if cb and rpmnet:
         found.append(_latencies("cb_latency_vs_rpmnet", cb, rpmnet))
     return found

@@ -30,7 +30,14 @@ from tests.described import (
     read_templates,
 )
 from tests.recording import Reads, RecordingSection
-from tests.tiny import lay_out, run_instance, standing_in, tiny_params, write_params
+from tests.tiny import (
+    lay_out,
+    run_instance,
+    standing_in,
+    tiny_params,
+    with_refined_walks,
+    write_params,
+)
 
 GLUE = {
     "pcrdiff.training.ranks": "says what several processes share; tests hold that they learn the same",
@@ -192,8 +199,8 @@ def null_journal(**_: object) -> AbstractContextManager[MagicMock]:
 
 
 def everything() -> dict[str, Any]:
-    """The tiny project's params with every classical method."""
-    params = tiny_params()
+    """The tiny project's params with every classical method, and walks that are refined."""
+    params = with_refined_walks(tiny_params())
     params["run"]["classical"] = classical_names()
     return params
 

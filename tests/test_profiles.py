@@ -58,7 +58,9 @@ def test_a_profile_has_sections_of_the_methods_that_it_runs_and_of_no_others(nam
     params = load(name)
     learned = {*params["run"]["diffused"], *params["run"]["baselines"]}
     run = params["run"]
-    assert params["methods"].keys() == learned | {*run["classical"], *run["shipped"]}
+    sources = params["ablation"]["starts"]["sources"]
+    named = {*run["classical"], *run["shipped"], *sources}
+    assert params["methods"].keys() == learned | named
     assert params["train"].keys() - {"devices", "nodes", "poses"} == learned
     assert params["trainings"].keys() == learned
     quick = read_repository_params()
@@ -130,7 +132,8 @@ def test_every_method_is_run_or_trained_on_unseen_objects(name: str) -> None:
     params = read_profile(REPOSITORY, name)
     methods = {*params.run.diffused, *params.run.baselines}
     assert trained_on(UNSEEN_OBJECTS, params) == methods - {*MOVED}
-    assert {*params.run.classical, *params.run.shipped} | methods == METHODS.keys()
+    shipped_and_sources = {*params.run.shipped, *params.ablation.starts.sources}
+    assert {*params.run.classical, *shipped_and_sources} | methods == METHODS.keys()
 
 
 def test_quick_trains_the_diffused_methods_and_what_they_are_built_on_for_every_scenario() -> None:

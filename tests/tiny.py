@@ -65,7 +65,7 @@ def tiny_params() -> dict[str, Any]:
             "scenarios": [SCENARIO],
             "pairs": 2,
             "counts": [1, 2],
-            "sources": {"gicp_multistart": ["official"], CF: ["refined"]},
+            "sources": {"gicp_multistart": ["official"]},
         },
     }
     params["timing"] |= {"pairs": 2, "warm_up": 1, "starts": SCENARIO}
@@ -79,9 +79,6 @@ def tiny_params() -> dict[str, Any]:
     acquire["kitti"]["synthetic"] = {"sequences": 1, "scans_per_sequence": 1}
     params["diffusion"]["timesteps"] = 20
     params["methods"][CF]["network"]["feature_dim"] = 16
-    params["methods"][CF]["settings"]["refined"] = {
-        "refined": params["methods"]["gicp_multistart"]["official"]
-    }
     params["methods"][CB]["network"] |= {
         "feature_dim": 8,
         "neighbours": 4,
@@ -91,6 +88,14 @@ def tiny_params() -> dict[str, Any]:
     params["methods"]["rpmnet"]["network"] |= {"feature_dim": 8, "neighbours": 4}
     for method in params["trainings"]:
         params["train"][method] |= {"batch_size": 4, "validate_every": 1}
+    return params
+
+
+def with_refined_walks(params: dict[str, Any]) -> dict[str, Any]:
+    """The same params with a setting of CF that refines its walks, as a source of starts."""
+    own = params["methods"]["gicp_multistart"]["official"]
+    params["methods"][CF]["settings"]["refined"] = {"refined": own}
+    params["ablation"]["starts"]["sources"][CF] = ["refined"]
     return params
 
 

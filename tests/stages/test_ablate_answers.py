@@ -130,6 +130,6 @@ def test_refuses_a_folder_without_weights(project: Path, name: str) -> None:
 def test_dvc_yaml_runs_every_ablation() -> None:
     stages = [s for s in expand(read_repository_params()) if s.template.startswith("ablate")]
     files = [Path(out) for stage in stages for out in stage.outs]
-    assert sorted(file.stem for file in files) == sorted([*ABLATIONS, "walks"])
+    assert sorted(file.stem for file in files) == sorted([*ABLATIONS, "walks", "modelnet40-rpm"])
     noisy = [s for s in expand(tiny_params()) if s.template == "ablate_noise"]
     assert [stage.item["method"] for stage in noisy] == ["identity", CF]

@@ -4,20 +4,22 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 import torch
 from torch import Tensor
 
 from pcrdiff.hypotheses import Refinement
 from pcrdiff.methods.gicp_multistart import GICPMultistart
 from stages.ablate_starts import FirstStarts, SearchOnce, some_of
+from tests.described import expand
 from tests.pcrdiff.synthetic_clouds import random_poses, seeded, synthetic_pairs
 from tests.tiny import (
     CF,
     SCENARIO,
-    instance,
     refusal,
-    run_instance,
+    stage_main,
     tiny_params,
+    with_refined_walks,
     write_params,
 )
 
@@ -67,10 +69,19 @@ def test_some_pairs_are_taken_evenly_and_never_more_than_there_are() -> None:
     assert len(some_of(pairs, 9)) == 7
 
 
-def test_a_row_for_each_source_count_and_pair(project: Path) -> None:
+@pytest.fixture
+def argv(project: Path) -> list[str]:
+    """What the stage is told in a project that has a learned source, too."""
+    params = with_refined_walks(tiny_params())
+    write_params(params)
     (project / ANSWERS).unlink()
-    run_instance(instance(f"ablate_starts@{SCENARIO}"))
-    rows = pd.read_csv(project / ANSWERS)
+    (stage,) = (each for each in expand(params) if each.template == "ablate_starts")
+    return stage.argv
+
+
+def test_a_row_for_each_source_count_and_pair_and_the_same_bytes_twice(argv: list[str]) -> None:
+    stage_main("ablate_starts")(argv)
+    first, rows = ANSWERS.read_bytes(), pd.read_csv(ANSWERS)
     settings = {
         "gicp_multistart": ["official,starts=1", "official,starts=2"],
         CF: ["refined,starts=1", "refined,starts=2"],
@@ -80,30 +91,24 @@ def test_a_row_for_each_source_count_and_pair(project: Path) -> None:
         assert len(found) == 2 * 2
     assert len(rows) == 8
     assert rows["residual"].notna().all()
+    stage_main("ablate_starts")(argv)
+    assert ANSWERS.read_bytes() == first
 
 
-def test_two_runs_give_the_same_bytes(project: Path) -> None:
-    before = (project / ANSWERS).read_bytes()
-    run_instance(instance(f"ablate_starts@{SCENARIO}"))
-    assert (project / ANSWERS).read_bytes() == before
-
-
-def test_a_source_that_refines_nothing_is_refused(project: Path) -> None:
-    params = tiny_params()
+def test_a_source_that_refines_nothing_is_refused(argv: list[str]) -> None:
+    params = with_refined_walks(tiny_params())
     params["ablation"]["starts"]["sources"][CF] = ["paper"]
     write_params(params)
-    said = refusal("ablate_starts", instance(f"ablate_starts@{SCENARIO}").argv)
-    assert said.endswith(
+    assert refusal("ablate_starts", argv).endswith(
         "ablation.starts.sources.pcrdiffusion_cf needs settings that refine starts, of which there "
         "are ['refined'], got ['paper']"
     )
-    assert project.is_dir()
+    assert not ANSWERS.exists()
 
 
-def test_weights_that_did_not_come_with_the_code_are_named(project: Path) -> None:
-    argv = instance(f"ablate_starts@{SCENARIO}").argv
+def test_weights_that_did_not_come_with_the_code_are_named(argv: list[str]) -> None:
     said = refusal(
-        "ablate_starts", ["nowhere" if word == "pcrdiff/weights" else word for word in argv]
+        "ablate_starts", ["away" if word == "pcrdiff/weights" else word for word in argv]
     )
-    assert f"nowhere/{CF}/{SCENARIO}.safetensors" in said
-    assert project.is_dir()
+    assert f"away/{CF}/{SCENARIO}.safetensors" in said
+    assert not ANSWERS.exists()

@@ -15,7 +15,7 @@ from tests.tiny import CF, PAIRS, files_below, instance, refusal
 
 @pytest.mark.parametrize(
     ("method", "settings"),
-    [(CF, ["paper", "refined"]), ("rpmnet", ["paper", "official"]), ("icp", ["paper", "official"])],
+    [(CF, ["paper"]), ("rpmnet", ["paper", "official"]), ("icp", ["paper", "official"])],
 )
 def test_writes_what_each_of_the_first_pairs_took_in_each_setting(
     project: Path, method: str, settings: list[str]
