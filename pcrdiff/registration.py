@@ -42,6 +42,19 @@ class Pairs:
         chosen = self._each(lambda values: values[index])
         return replace(self, item=self.item[index], group=group, **chosen)
 
+    def take_points(
+        self, source: Int64[Tensor, "pairs few"], target: Int64[Tensor, "pairs fewer"]
+    ) -> "Pairs":
+        """The same pairs with those points of each cloud that are named, and their normals."""
+        rows = torch.arange(len(self))[:, None]
+        index = {"source": source, "target": target}
+        kept = {
+            name: values[rows, index[name.removesuffix("_normals")]]
+            for name, values in self._each(lambda values: values).items()
+            if name != "T_target_source"
+        }
+        return replace(self, **kept)
+
     def to(self, device: torch.device) -> "Pairs":
         """The same pairs on a device; ``item`` stays where it is."""
         return replace(self, **self._each(lambda values: values.to(device)))

@@ -258,6 +258,7 @@ def facts_of(
         "val_error_r_deg": state.best_error if math.isfinite(state.best_error) else None,
         "poses": params.train.poses,
         **_process(params, training.method),
+        **({} if budget.points is None else {"step_points": budget.points}),
     }
     if training.variant:
         facts["settings"] = settings_trained(params, training.method, training.variant)

@@ -37,6 +37,8 @@ class Budget:
     """Epochs between validations; the last epoch is always validated."""
     epoch_pairs: int | None = None
     """Training pairs per epoch, drawn again for each; None takes all of them."""
+    points: int | None = None
+    """Of each cloud in a step, drawn again for each epoch; None takes all of them."""
 
     def rate(self, done: float, curve: Sequence[Epoch]) -> float:
         """The learning rate of one step.

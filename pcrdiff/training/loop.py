@@ -15,6 +15,7 @@ from pcrdiff.training.budget import Budget, Epoch
 from pcrdiff.training.poses import repose
 from pcrdiff.training.ranks import ALONE, Loss, Processes
 from pcrdiff.training.state import Checkpoint, State
+from pcrdiff.training.thinning import thin
 from pcrdiff.training.validation import Validation
 
 GRADIENT_NORM = 10.0
@@ -127,9 +128,12 @@ class Trainer:
             share = Share(len(batch), self.processes.rank, self.processes.count)
             chosen = batch[share.rows]
             pairs = self.train.select(chosen)
+            seeds = ([self.seed, epoch, pair] for pair in chosen.tolist())
+            generators = [np.random.default_rng(seed) for seed in seeds]
             if self.fresh is not None:
-                seeds = ([self.seed, epoch, pair] for pair in chosen.tolist())
-                pairs = repose(pairs, self.fresh, [np.random.default_rng(seed) for seed in seeds])
+                pairs = repose(pairs, self.fresh, generators)
+            if self.budget.points is not None:
+                pairs = thin(pairs, self.budget.points, generators)
             yield share, pairs
 
     def _close(self, epoch: int, rate: float, losses: Mapping[str, float]) -> None:

@@ -71,6 +71,7 @@ def describe_budget(training: Training) -> str:
         "epochs": "{:,} epochs",
         "steps": "{:,} steps",
         "batch_size": "batches of {:,}",
+        "step_points": "{:,} points of each cloud a step",
         "train_pairs": "{:,} pairs",
         "epoch_pairs": "{:,} of them an epoch",
         "parameters": "{:,} parameters",

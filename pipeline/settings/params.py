@@ -174,6 +174,8 @@ class Optimisation(Section):
     validate_every: Count
     epoch_pairs: Count | None
     """Training pairs in an epoch, drawn again for each; null takes all of them."""
+    points: Count | None = None
+    """Points of each cloud in a training step; null takes all of them."""
 
 
 class Train(Section):
