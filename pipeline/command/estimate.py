@@ -2,9 +2,12 @@
 
 import time
 from collections.abc import Iterable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass
 from math import ceil
+from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -45,6 +48,8 @@ class Estimate:
 def estimate(params: Params, root: Path) -> Iterator[Estimate]:
     """Estimate each training; the variants of an ablation as if they were the method as it is.
 
+    The steps are taken in a process of its own, since one that has settled keeps its memory.
+
     Args:
         params: The params of the profile.
         root: The project.
@@ -52,14 +57,20 @@ def estimate(params: Params, root: Path) -> Iterator[Estimate]:
     Raises:
         FileNotFoundError, ValueError: A data set is not there or not what it should be.
     """
-    settle(params.threads, params.search_precision)
+    settled = (params.threads, params.search_precision)
+    with ProcessPoolExecutor(1, get_context("spawn"), settle, settled) as child:
+        yield from _estimates(params, root, child)
+
+
+def _estimates(params: Params, root: Path, child: Executor) -> Iterator[Estimate]:
     counts = {name: training_pairs(params, name, root) for name in params.run.scenarios}
     timed: dict[tuple[str, int], float] = {}
 
     def cost(method: str, scenario: str, epochs: int, what: str) -> Estimate:
         points = params.scenarios[scenario].num_points
         if (method, points) not in timed:
-            timed[method, points] = step_seconds(params, method, params.scenarios[scenario])
+            asked = child.submit(_timed, params.model_dump(), method, scenario)
+            timed[method, points] = asked.result()
         given = getattr(params.train, method)
         pairs = min(given.epoch_pairs or counts[scenario], counts[scenario])
         steps = epochs * ceil(pairs / given.batch_size)
@@ -120,6 +131,12 @@ def told(estimates: Iterable[Estimate]) -> Iterator[str]:
         numbers = f"{one.epochs:6} {one.steps:7} {one.seconds:7.3f} {one.hours:10.2f}"
         yield f"{one.method:22} {one.scenario:40} {numbers}"
     yield f"{'all':22} {'':40} {'':22} {total:10.2f}"
+
+
+def _timed(values: dict[str, Any], method: str, scenario: str) -> float:
+    """Time a step in the child, which is sent plain values: sections cannot be pickled."""
+    params = Params.model_validate(values)
+    return step_seconds(params, method, params.scenarios[scenario])
 
 
 def _ablated(params: Params) -> dict[str, int]:
