@@ -38,7 +38,7 @@ def trained_error(params: Params, splits: Mapping[str, Pairs], seed: int) -> tup
     torch.manual_seed(seed)
     network = build_untrained(METHOD, params.methods, params.diffusion)
     optimisation = getattr(params.train, METHOD).model_dump()
-    budget = Budget(params.epochs(SCENARIO, METHOD), **optimisation)
+    budget = Budget(params.training(SCENARIO, METHOD).epochs, **optimisation)
     made = params.scenarios[SCENARIO]
     fresh = PoseRange(made.max_rotation, made.max_translation, made.min_translation)
     trainer = Trainer(network, splits["train"], splits["val"], budget, fresh, seed=seed)

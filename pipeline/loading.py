@@ -256,11 +256,21 @@ def load_learned(
         FileNotFoundError, ValueError: The weights are not there, or are those of another network.
     """
     method = build_learned(name, setting, methods, diffusion, variant)
-    try:
-        method.load_state_dict(read_weights(weights, name))
-    except RuntimeError as error:
-        raise ValueError(f"{weights} does not fit {name} as params.yaml has it: {error}") from error
+    take_weights(method, weights)
     return method.eval()
+
+
+def take_weights(method: LearnedMethod, weights: Path) -> None:
+    """Give a method the weights of a file.
+
+    Raises:
+        FileNotFoundError, ValueError: The weights are not there, or are those of another network.
+    """
+    try:
+        method.load_state_dict(read_weights(weights, method.name))
+    except RuntimeError as error:
+        said = f"{weights} does not fit {method.name} as params.yaml has it: {error}"
+        raise ValueError(said) from error
 
 
 def load_diffused(

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from pcrdiff.clouds.surface import DegenerateShape
-from pcrdiff.datasets import kitti, modelnet40, threedmatch
+from pcrdiff.datasets.families import READERS
 from pcrdiff.datasets.items import RawItem
 from pcrdiff.datasets.manifest import Manifest, read_manifest
 from pcrdiff.geometry.random_pose import PoseRange
@@ -55,11 +55,6 @@ def main(argv: list[str] | None = None) -> None:
         notes.metrics(pairs | dropped)
 
 
-READERS: dict[str, Callable[[Path], list[RawItem]]] = {
-    "modelnet40": modelnet40.read_items,
-    "3dmatch": threedmatch.read_items,
-    "kitti": kitti.read_items,
-}
 LICENCES = {
     "modelnet40": "academic use (modelnet.cs.princeton.edu)",
     "3dmatch": "terms of 7-Scenes and SUN3D (3dmatch.cs.princeton.edu)",

@@ -28,12 +28,19 @@ from pipeline.compute.progress import bar
 from pipeline.compute.ranks import check_agreement, join
 from pipeline.formats.files import write_json
 from pipeline.formats.pairs import read_attributes, read_pairs
-from pipeline.formats.weights import CURVE, FACTS, WEIGHTS, write_curve, write_weights
-from pipeline.loading import build_untrained
+from pipeline.formats.weights import (
+    CURVE,
+    FACTS,
+    WEIGHTS,
+    shipped_weights,
+    write_curve,
+    write_weights,
+)
+from pipeline.loading import build_untrained, take_weights
 from pipeline.settings.params import DIFFUSED, Params, pick, read_params
 from pipeline.settings.seeding import stream
 from pipeline.settings.variants import TRAINED, Variant, folder_of, settings_trained, variants
-from pipeline.tracking.journal import Journal, journal
+from pipeline.tracking.journal import Journal, content_md5, journal
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -140,7 +147,8 @@ def train_all(params: Params, trainings: Sequence[Training]) -> None:
     states of all its trainings are kept, and it continues from them.
 
     Raises:
-        FileNotFoundError, ValueError: A pair file is missing or is not one, or the processes disagree.
+        FileNotFoundError, ValueError: A pair file is missing or is not one, as are the weights that a
+            training starts from, or the processes disagree.
         RuntimeError: A gradient is not finite.
     """
     described = [training_params(params, training) for training in trainings]
@@ -180,7 +188,31 @@ def epochs_of(params: Params, training: Training) -> int:
     """The budget of a training; a variant's is the ablation's own, the same for all of a method."""
     if training.variant:
         return pick(params.ablation.epochs, training.method, "ablation.epochs")
-    return params.epochs(training.scenario, training.method)
+    return params.training(training.scenario, training.method).epochs
+
+
+def start_of(params: Params, training: Training) -> Path | None:
+    """The shipped weights that a training starts from; None where it starts from fresh ones.
+
+    Raises:
+        FileNotFoundError: No such weights are shipped.
+    """
+    if training.variant:
+        return None
+    start = params.training(training.scenario, training.method).start
+    if start is None:
+        return None
+    weights = shipped_weights(training.method, start)
+    if not weights.is_file():
+        key = f"trainings.{training.method}.{training.scenario}.start"
+        raise FileNotFoundError(f"{key} {start!r} needs weights at {weights}, there are none")
+    return weights
+
+
+def _start(params: Params, training: Training) -> dict[str, str]:
+    """What is told of the start of a training, which ``dvc.lock`` does not hold; of most nothing."""
+    weights = start_of(params, training)
+    return {"start": weights.stem, "start_md5": content_md5(weights)} if weights else {}
 
 
 def training_params(params: Params, training: Training) -> dict[str, Any]:
@@ -198,6 +230,7 @@ def training_params(params: Params, training: Training) -> dict[str, Any]:
         "poses": params.train.poses,
         **_process(params, method),
         "network": {**getattr(params.methods, method).network.model_dump(), **training.variant},
+        **_start(params, training),
         **getattr(params.train, method).model_dump(),
     }
 
@@ -211,13 +244,16 @@ def train_method(
     several processes comes back with the same outcome.
 
     Raises:
-        FileNotFoundError, ValueError: The pair file is missing or is not one.
+        FileNotFoundError, ValueError: The pair file is missing or is not one, or the weights to start
+            from are missing or those of another network.
         RuntimeError: A gradient is not finite.
     """
     scenario, method = training.scenario, training.method
     torch.manual_seed(stream(params.seed, f"init/{scenario}/{method}"))
     walk = params.diffusion.model_copy(update=VALIDATION_WALK)
     network = build_untrained(method, params.methods, walk, training.variant)
+    if start := start_of(params, training):
+        take_weights(network, start)
     data, val = read_pairs(training.pairs, "train"), read_pairs(training.pairs, "val")
     budget = Budget(epochs_of(params, training), **getattr(params.train, method).model_dump())
     trainer = Trainer(
@@ -259,6 +295,7 @@ def facts_of(
         "poses": params.train.poses,
         **_process(params, training.method),
         **({} if budget.points is None else {"step_points": budget.points}),
+        **_start(params, training),
     }
     if training.variant:
         facts["settings"] = settings_trained(params, training.method, training.variant)

@@ -17,6 +17,8 @@ from dvc.fs import localfs
 from dvc.ignore import DvcIgnoreFilter
 from ruamel.yaml import YAML
 
+from pipeline.formats.weights import SHIPPED_FOLDER
+from pipeline.formats.yaml_files import read_yaml
 from pipeline.settings.params import classical_names, read_params
 from pipeline.settings.profiles import profile_values
 from pipeline.settings.variants import FUSED
@@ -371,6 +373,21 @@ def test_a_command_runs_the_python_of_the_project_in_every_shell_here(
 def test_no_two_stages_write_one_path() -> None:
     outs = [out for instance in INSTANCES for out in instance.outs]
     assert len(outs) == len(set(outs))
+
+
+# Artifacts.
+
+
+def test_every_network_that_is_shipped_is_an_artifact_and_has_a_card() -> None:
+    artifacts = read_yaml(REPOSITORY / "dvc.yaml")["artifacts"]
+    paths = [found["path"] for found in artifacts.values()]
+    shipped = [*(REPOSITORY / SHIPPED_FOLDER).glob("*/*.safetensors")]
+    assert shipped
+    assert {path for path in paths if path.startswith(f"{SHIPPED_FOLDER.as_posix()}/")} == {
+        path.relative_to(REPOSITORY).as_posix() for path in shipped
+    }
+    assert len({*paths}) == len(paths)
+    assert [path for path in shipped if not path.with_suffix(".md").is_file()] == []
 
 
 # params.yaml and DVC's ``-S``.

@@ -128,9 +128,14 @@ def mlflow_ui(port: Annotated[int, typer.Option(help="Port on 127.0.0.1.")] = 50
 
 @app.command()
 def real() -> None:
-    """Run the pipeline on real data, as the experiment `real`, and bring its report back."""
-    from pipeline.command.real import run_real
+    """Run the pipeline on real data, as the experiment `real`, and bring its report back.
 
+    Before it starts, it says what it will train, what that costs and where it writes.
+    """
+    from pipeline.command.real import plan_real, run_real
+
+    for line in plan_real(_root()):
+        typer.echo(line)
     for path in run_real(_root()):
         typer.echo(path)
 

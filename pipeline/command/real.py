@@ -5,7 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from dvc.api import DVCFileSystem
 from pipeline.command.locks import check_locks
 from pipeline.formats.files import write_atomically
 from pipeline.formats.yaml_files import read_mapping
+from pipeline.settings.params import check_params
 from pipeline.settings.profiles import profile_values
 from pipeline.tracking.run import SHELL, ask_git, check_experiments
 
@@ -24,11 +25,30 @@ DEFAULT = "../shared/data"
 FETCHED = Path("reports", NAME)
 
 
+def plan_real(root: Path) -> Iterator[str]:
+    """Say, line by line, what ``run_real`` will train, what that costs, and where it leaves what.
+
+    Raises:
+        FileNotFoundError, ValueError: As ``run_real``, or a data set is not what it should be.
+    """
+    from pipeline.command.estimate import estimate, told
+
+    params = check_params(_wanted(root), root / "profiles" / f"{NAME}.yaml")
+    threads = "one thread" if params.threads == 1 else f"{params.threads} threads"
+    yield f"Estimate, on this machine, {threads} a training, from a few steps on random clouds:"
+    yield from told(estimate(params, root))
+    yield "What DVC's cache or a checkpoint holds costs nothing again. Making pairs, evaluating and"
+    yield "ablating come on top. DVC runs one stage after the other, in a folder of its own below"
+    yield f".dvc/tmp/exps; it keeps what it makes in its cache, as the experiment {NAME!r}. Checkpoints"
+    yield f"lie in .pcrdiff/checkpoints; the report comes to {FETCHED}."
+
+
 def run_real(root: Path) -> list[Path]:
     """Run the profile ``real`` as the experiment ``real`` and fetch its tables, figures and page.
 
     The workspace keeps its params.yaml, dvc.lock and data: DVC is given the values that differ, runs
-    the experiment in a folder of its own, and what it computed stays in the cache.
+    the experiment in a folder of its own, and what it computed stays in the cache. Run again after it
+    was cut off, it takes finished stages from there and goes on with trainings at their checkpoints.
 
     Returns:
         The files that were brought back.
@@ -39,13 +59,18 @@ def run_real(root: Path) -> list[Path]:
             path cannot be written into YAML, the profile or params.yaml is not valid, or a stage
             failed; that one's own sentence stands above.
     """
-    check_experiments(root)
-    check_locks(root)
-    wanted = _values_on(_folder(root), profile_values(root, NAME))
+    wanted = _wanted(root)
     changes = overrides(read_mapping(root / "params.yaml"), wanted)
     _dvc(root, "exp", "remove", "--quiet", NAME, check=False)
     _dvc(root, "exp", "run", "--temp", "--name", NAME, *changes)
     return _fetch(root)
+
+
+def _wanted(root: Path) -> dict[str, Any]:
+    """Check that the experiment can be run, and return the values of its params.yaml."""
+    check_experiments(root)
+    check_locks(root)
+    return _values_on(_folder(root), profile_values(root, NAME))
 
 
 def _folder(root: Path) -> str:

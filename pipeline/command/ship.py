@@ -15,12 +15,11 @@ from pipeline.formats.weights import (
     halved,
     read_facts,
     read_weights,
+    shipped_weights,
     write_weights,
 )
 from pipeline.reporting.numbers import RESAMPLES, bootstrap_interval
 from pipeline.settings.params import DIFFUSED
-
-FOLDER = Path("pcrdiff", "weights")
 
 
 def ship(root: Path, method: str, scenario: str) -> list[Path]:
@@ -34,7 +33,7 @@ def ship(root: Path, method: str, scenario: str) -> list[Path]:
     """
     trained = root / "models" / method / scenario / WEIGHTS
     facts = read_facts(trained)
-    shipped = root / FOLDER / method / f"{scenario}.safetensors"
+    shipped = root / shipped_weights(method, scenario)
     write_weights(shipped, halved(read_weights(trained, method)), facts)
     return [shipped, write_card(root, method, scenario)]
 
@@ -45,7 +44,7 @@ def write_card(root: Path, method: str, scenario: str) -> Path:
     Raises:
         FileNotFoundError, ValueError: The weights are not there or not what they should be.
     """
-    weights = root / FOLDER / method / f"{scenario}.safetensors"
+    weights = root / shipped_weights(method, scenario)
     answers = root / "results" / "shipped" / method / f"{scenario}.csv"
     card = weights.with_suffix(".md")
     text = "\n".join(_card(method, scenario, read_facts(weights), answers))
@@ -64,6 +63,9 @@ def _card(method: str, scenario: str, facts: Mapping[str, Any], answers: Path) -
     yield f"- **Training**: {facts['epochs']:,} epochs, {facts['steps']:,} steps of"
     yield f"  {facts['batch_size']} pairs, new poses in every epoch; weights of epoch"
     yield f"  {facts['best_epoch']}, at {facts['val_error_r_deg']:.2f} degrees on validation pairs."
+    if "start" in facts:
+        yield f"- **Started** from the network for `{facts['start']}` that came with the code, md5"
+        yield f"  `{facts['start_md5']}`; its training comes on top of this one."
     yield f"- **Network**: {', '.join(f'{key} {value}' for key, value in network.items())};"
     yield f"  {facts['parameters']:,} parameters, matrices in float16."
     yield f"- **Again**: `pcrdiff profile real`, `dvc repro {_stage(method, scenario)}`,"

@@ -19,6 +19,8 @@ WEIGHTS, CURVE, FACTS = "weights.safetensors", "curve.csv", "facts.json"
 """The files of a training, in a folder of its own."""
 SHIPPED = "shipped"
 """How tables, and folders of results, tell weights that came with the code."""
+SHIPPED_FOLDER = Path("pcrdiff", "weights")
+"""Where these lie, below the project."""
 
 
 def write_weights(path: Path, weights: Mapping[str, Tensor], facts: Mapping[str, object]) -> None:
@@ -44,6 +46,11 @@ def read_facts(path: Path) -> dict[str, Any]:
     if not isinstance(facts, dict):
         raise ValueError(f"{path} needs a record of its training, has none")
     return facts
+
+
+def shipped_weights(method: str, scenario: str) -> Path:
+    """Where the network of a method for a scenario lies, below the project, if one is shipped."""
+    return SHIPPED_FOLDER / method / f"{scenario}.safetensors"
 
 
 def shipped_setting(setting: str) -> str:

@@ -1,5 +1,6 @@
 """How numbers, units and training budgets are printed, the same in every document."""
 
+from pipeline.reporting.paper import place
 from pipeline.reporting.reading import Training
 
 HEADINGS = {
@@ -82,4 +83,6 @@ def describe_budget(training: Training) -> str:
         budget.pop("epoch_pairs", None)
     said = [text.format(budget[key]) for key, text in words.items() if key in budget]
     said = [text.removesuffix("s") if text.startswith("1 ") else text for text in said]
+    if start := budget.get("start"):
+        said.insert(0, f"started from the network of {place(start).title} that came with the code")
     return ", ".join(said) or "budget not recorded"

@@ -1,4 +1,4 @@
-"""The typed face of params.yaml: one frozen model per section, nothing optional, nothing extra."""
+"""The typed face of params.yaml: one frozen model per section, nothing extra."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
@@ -178,6 +178,19 @@ class Optimisation(Section):
     """Points of each cloud in a training step; null takes all of them."""
 
 
+class TrainingParams(Section):
+    """How long a method is trained on a scenario, and from where; an integer alone is its epochs."""
+
+    epochs: Count
+    start: Name | None = None
+    """The scenario whose network of the method, which came with the code, it starts from; or fresh."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _epochs_alone(cls, given: object) -> object:
+        return given if isinstance(given, Mapping | TrainingParams) else {"epochs": given}
+
+
 class Train(Section):
     """Training, with one ``Optimisation`` for each learned method that is trained, by its name."""
 
@@ -282,8 +295,8 @@ class Params(Section):
     diffusion: Diffusion
     methods: Methods
     train: Train
-    trainings: dict[str, dict[str, Count]]
-    """Epochs of each learned method, by scenario."""
+    trainings: dict[str, dict[str, TrainingParams]]
+    """Of each learned method, by scenario."""
     ablation: Ablation
     timing: Timing
 
@@ -328,8 +341,8 @@ class Params(Section):
         for where, method, scenario in needed:
             if scenario not in self.trainings.get(method, {}):
                 raise ValueError(f"{where} needs trainings.{method}.{scenario}, which is not there")
-        for method, epochs in self.trainings.items():
-            for scenario in epochs:
+        for method, scenarios in self.trainings.items():
+            for scenario in scenarios:
                 self._check_normals(scenario, method)
 
     def _check_what_is_named(self) -> None:
@@ -399,8 +412,8 @@ class Params(Section):
                 f"scenarios.{scenario}.normals to be given, got {kept}"
             )
 
-    def epochs(self, scenario: str, method: str) -> int:
-        """How long a learned method is trained on a scenario.
+    def training(self, scenario: str, method: str) -> TrainingParams:
+        """How a learned method is trained on a scenario.
 
         Raises:
             ValueError: It is not trained there.

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap
 
 from pipeline.formats.yaml_files import flat, read_mapping
 from pipeline.settings.params import Params, check_params
@@ -145,7 +146,7 @@ def _first_comment(text: str) -> str:
     return "".join(takewhile(lambda line: line.startswith("#"), lines))
 
 
-def _replace(document: Values, wanted: Mapping[str, Any]) -> None:
+def _replace(document: CommentedMap, wanted: Mapping[str, Any]) -> None:
     """Make the values of a document others; the comments of what stays are kept."""
     for key in document.keys() - wanted.keys():
         del document[key]
@@ -154,3 +155,6 @@ def _replace(document: Values, wanted: Mapping[str, Any]) -> None:
             _replace(document[key], value)
         elif key not in document or document[key] != value:
             document[key] = value
+            if value == [] and key in document.ca.items:
+                _, _, beside, _ = document.ca.items[key]
+                document.ca.items[key] = [None, None, beside, None]  # else the next list breaks

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import torch
 
+from pcrdiff.datasets.families import READERS
 from pcrdiff.datasets.manifest import read_manifest, write_manifest
 from pcrdiff.geometry.rigid import transform
 from pcrdiff.registration import Pairs
 from pipeline.settings.params import Scenario, read_params
 from stages.preprocess import (
     LICENCES,
-    READERS,
     SYNTHETIC_LICENCE,
     Preprocessed,
     find_doubled,

@@ -9,12 +9,23 @@ from torch import Tensor
 
 from pcrdiff.geometry.precision import SearchPrecision, set_search_precision
 from pcrdiff.geometry.random_pose import PoseRange
-from pipeline.settings.params import Params, read_params
+from pipeline.command.ship import ship as ship_weights
+from pipeline.formats.weights import read_weights, write_weights
+from pipeline.settings.params import Params, TrainingParams, read_params
 from pipeline.settings.variants import AS_IT_IS, Variant
-from pipeline.tracking.journal import Journal
+from pipeline.tracking.journal import Journal, content_md5
 from stages.train import CODE, Trained, Training, fresh_poses, train_method, training_params
 from tests.described import read_templates
-from tests.tiny import CB, CF, PAIRS, SCENARIO
+from tests.tiny import (
+    CB,
+    CF,
+    PAIRS,
+    SCENARIO,
+    instance,
+    refusal,
+    tiny_params,
+    write_params,
+)
 
 UNSEEN_CF = Training(SCENARIO, CF, PAIRS, Path("nowhere"))
 
@@ -141,7 +152,7 @@ def test_a_checkpoint_is_told_every_param_that_dvc_watches() -> None:
             **{CF: params.methods.pcrdiffusion_cf.model_copy(update={"network": wider})},
         ),
         "trainings.${item.method}.${item.scenario}": params.model_copy(
-            update={"trainings": {CF: {SCENARIO: 4}}}
+            update={"trainings": {CF: {SCENARIO: TrainingParams(epochs=4)}}}
         ),
     }
     assert others.keys() == set(read_templates()["train"]["params"])
@@ -170,6 +181,49 @@ def test_the_journal_gets_the_curve(tmp_path: Path) -> None:
 def test_refuses_a_missing_pair_file() -> None:
     with pytest.raises(FileNotFoundError, match=r"gone\.h5, there is none: run preprocess"):
         train_method(read_params(), replace(UNSEEN_CF, pairs=Path("gone.h5")), Forgetful())
+
+
+def ship(own: Path, **network: int) -> Path:
+    """Ship what the project has trained, and have its params start from that, in another network."""
+    Path("pcrdiff").unlink()
+    shipped, _ = ship_weights(own, CF, SCENARIO)
+    told = tiny_params()
+    told["trainings"][CF][SCENARIO] = {"epochs": 1, "start": SCENARIO}
+    told["methods"][CF]["network"] |= network
+    write_params(told)
+    return shipped
+
+
+def test_a_training_starts_from_what_is_shipped_and_says_so(project: Path) -> None:
+    assert "start" not in train(read_params()).facts
+    shipped = ship(project)
+    params = read_params()
+    barely = getattr(params.train, CF).model_copy(update={"learning_rate": 1e-9})
+    started = train(changed(params, "train", **{CF: barely}))
+    assert started.facts["start"] == SCENARIO
+    assert started.facts["start_md5"] == content_md5(shipped)
+    for name, value in read_weights(shipped, CF).items():
+        if not is_buffer(name, CF):
+            torch.testing.assert_close(started.weights[name], value, rtol=0, atol=1e-6)
+
+
+def test_other_weights_to_start_from_are_another_training(project: Path) -> None:
+    shipped = ship(project)
+    before = training_params(read_params(), UNSEEN_CF)
+    write_weights(shipped, {}, {"method": CF})
+    assert training_params(read_params(), UNSEEN_CF) != before
+
+
+def test_refuses_to_start_from_weights_that_are_not_there(project: Path) -> None:
+    ship(project).unlink()
+    key = f"trainings.{CF}.{SCENARIO}.start '{SCENARIO}' needs weights at "
+    assert key in refusal("train", instance(f"train@{SCENARIO}-{CF}").argv)
+
+
+def test_refuses_to_start_from_another_network(project: Path) -> None:
+    shipped = ship(project, feature_dim=24)
+    said = refusal("train", instance(f"train@{SCENARIO}-{CF}").argv)
+    assert f"{shipped.relative_to(project)} does not fit {CF} as params.yaml has it: " in said
 
 
 @pytest.mark.usefixtures("project")

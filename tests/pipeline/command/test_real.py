@@ -10,8 +10,9 @@ from dvc.utils.hydra import apply_overrides
 from dvc.utils.serialize import load_yaml
 
 from pipeline.command import real
+from pipeline.command.estimate import Estimate
 from pipeline.formats.yaml_files import read_yaml
-from pipeline.settings.params import read_params
+from pipeline.settings.params import Params, read_params
 from pipeline.settings.profiles import profile_values
 from tests.described import REPOSITORY, write_yaml
 
@@ -79,6 +80,26 @@ def test_the_roots_lie_in_the_folder_that_was_told(
     assert roots == {name: f"{folder}/{root}" for name, root in ROOTS.items()}
     assert load_yaml(project / "seen.yaml") == read_yaml(project / "seen.yaml")
     assert (project / "params.yaml").read_text() == MINE
+
+
+def test_the_plan_is_of_the_profile_and_writes_nothing(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Params] = []
+
+    def estimate(params: Params, root: Path) -> list[Estimate]:
+        assert root == project
+        seen.append(params)
+        return [Estimate("some", "where", 1, 3600, 1.5)]
+
+    monkeypatch.setattr("pipeline.command.estimate.estimate", estimate)
+    monkeypatch.setenv(real.VARIABLE, str(project.parent))
+    said = list(real.plan_real(project))
+    assert [params.profile for params in seen] == ["real"]
+    assert seen[0].acquire["kitti"].root == f"{project.parent}/{ROOTS['kitti']}"
+    assert "Estimate, on this machine, one thread a training" in said[0]
+    assert [line.split()[-1] for line in said[2:4]] == ["1.50", "1.50"]
+    assert not (project / "seen.yaml").exists()
 
 
 def test_nothing_but_the_roots_differs_from_the_profile(

@@ -239,3 +239,53 @@ def test_the_report_of_the_experiment_comes_out_of_the_cache(project: Path) -> N
     git(project, "update-ref", "-d", "refs/exps/ab/cd0123/real")
     with pytest.raises(ValueError, match="DVC kept no experiment 'real'"):
         real._fetch(project)
+
+
+COUNT = """\
+import os, sys
+from pathlib import Path
+
+import torch
+
+from pipeline.compute.checkpoints import open_checkpoint
+
+with open_checkpoint({"stage": "count"}, [Path("seed.txt")]) as checkpoint:
+    saved = checkpoint.load()
+    done = saved[1]["done"] if saved else 0
+    with Path(os.environ["THERE"], "started.txt").open("a") as file:
+        file.write(f"{done} ")
+    checkpoint.save({"weights": torch.ones(1)}, {"done": done + 5})
+    if done == 0:
+        os.kill(os.getpid(), 9)
+    Path("count.txt").write_text(str(done + 5))
+"""
+COUNTING = """\
+stages:
+  count:
+    cmd: {python} count.py
+    deps: [seed.txt]
+    params: [profile]
+    outs: [count.txt]
+"""
+
+
+def test_a_training_that_was_cut_off_goes_on_when_the_experiment_is_run_again(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each run has a folder of its own; the checkpoints lie in the project."""
+    (project / "count.py").write_text(COUNT)
+    (project / "seed.txt").write_text("7")
+    (project / "dvc.yaml").write_text(COUNTING.format(python=sys.executable))
+    subprocess.run([sys.executable, "-m", "dvc", "init", "-q"], cwd=project, check=True)
+    git(project, "add", "--all")
+    git(project, "commit", "--quiet", "-m", "a pipeline")
+    monkeypatch.setenv("PYTHONPATH", str(REPOSITORY))
+    monkeypatch.setenv("THERE", str(project))
+    monkeypatch.setenv(real.VARIABLE, str(project))
+    monkeypatch.setattr(real, "_fetch", lambda _: [])
+    with pytest.raises(ValueError, match="`dvc exp run` failed"):
+        run_real(project)
+    assert len(list((project / ".pcrdiff" / "checkpoints").glob("*/latest.safetensors"))) == 1
+    run_real(project)
+    assert (project / "started.txt").read_text() == "0 5 "
+    assert list((project / ".pcrdiff" / "checkpoints").glob("*")) == []

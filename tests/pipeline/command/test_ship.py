@@ -7,7 +7,7 @@ import torch
 
 from pipeline.command.ship import ship, write_card
 from pipeline.formats.pairs import read_pairs
-from pipeline.formats.weights import read_facts, read_weights, shipped_setting
+from pipeline.formats.weights import read_facts, read_weights, shipped_setting, write_weights
 from pipeline.loading import load_shipped
 from pipeline.settings.params import read_params
 from stages.evaluate import main as evaluate
@@ -36,6 +36,17 @@ def test_what_is_shipped_is_the_training_in_half_the_room(own_code: Path) -> Non
     assert "`modelnet40` (local),\n  48 points" in said
     assert "3 epochs" in said
     assert f"dvc repro train@{SCENARIO}-{CF}" in said
+    assert "Started" not in said
+
+
+def test_a_card_says_what_the_training_started_from(own_code: Path) -> None:
+    facts = read_facts(weights(CF)) | {"start": "kitti", "start_md5": "d41d8c"}
+    write_weights(weights(CF), read_weights(weights(CF), CF), facts)
+    said = ship(own_code, CF, SCENARIO)[1].read_text(encoding="utf-8")
+    assert (
+        "- **Started** from the network for `kitti` that came with the code, md5\n  `d41d8c`"
+        in said
+    )
 
 
 def test_the_network_is_the_one_of_the_weights_whatever_params_say(own_code: Path) -> None:

@@ -3,6 +3,7 @@
 import pandas as pd
 import pytest
 
+from pipeline.reporting.paper import place
 from pipeline.reporting.reading import Training
 from pipeline.reporting.showing import describe_budget, show_bound, show_short, show_value, unit_of
 
@@ -40,7 +41,10 @@ def test_percentages_and_memory_have_one_decimal_and_units_follow_the_metric() -
     assert {metric: unit_of(metric, "m") for metric in units} == units
 
 
-def budget(**told: int) -> str:
+TITLE = place("modelnet40-rpm").title
+
+
+def budget(**told: int | str) -> str:
     return describe_budget(Training("kitti", "pcrnet", told, pd.DataFrame()))
 
 
@@ -49,3 +53,5 @@ def test_a_budget_reads_as_words() -> None:
     assert budget(train_pairs=64, epoch_pairs=64) == "64 pairs"
     assert budget(train_pairs=64, epoch_pairs=32) == "64 pairs, 32 of them an epoch"
     assert budget() == "budget not recorded"
+    started = budget(epochs=2, start="modelnet40-rpm")
+    assert started == f"started from the network of {TITLE} that came with the code, 2 epochs"

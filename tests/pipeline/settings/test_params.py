@@ -39,9 +39,18 @@ def test_the_epochs_of_a_training_are_found(repository: Path) -> None:
     plain = read_repository_params()["trainings"]
     params = read_params(repository / "params.yaml")
     for method in ("pcrdiffusion_cf", "rpmnet"):
-        assert params.epochs("kitti", method) == plain[method]["kitti"]
+        found = params.training("kitti", method)
+        assert (found.epochs, found.start) == (plain[method]["kitti"], None)
     with pytest.raises(ValueError, match=r"params.yaml has no trainings\.rpmnet\.waymo, there are"):
-        params.epochs("waymo", "rpmnet")
+        params.training("waymo", "rpmnet")
+
+
+def test_a_training_may_start_from_what_is_shipped_for_a_scenario(tmp_path: Path) -> None:
+    params = read_repository_params()
+    params["trainings"]["rpmnet"]["kitti"] = {"epochs": 2, "start": "elsewhere"}
+    write_yaml(tmp_path / "params.yaml", params)
+    found = read_params(tmp_path / "params.yaml").training("kitti", "rpmnet")
+    assert (found.epochs, found.start) == (2, "elsewhere")
 
 
 def test_params_cannot_be_changed(repository: Path) -> None:
@@ -65,7 +74,15 @@ WRONG: dict[str, tuple[Change, str]] = {
     "a fraction for a count": (lambda p: p["scenarios"]["kitti"].update(num_points=1.5),
         "scenarios.kitti.num_points: Input should be a valid integer"),
     "a count of none": (lambda p: p["trainings"]["pcrdiffusion_cf"].update(kitti=0),
-        "trainings.pcrdiffusion_cf.kitti: Input should be greater than or equal to 1, got 0"),
+        "trainings.pcrdiffusion_cf.kitti.epochs: Input should be greater than or equal to 1, got 0"),
+    "a word for epochs": (lambda p: p["trainings"]["pcrdiffusion_cf"].update(kitti="5"),
+        "trainings.pcrdiffusion_cf.kitti.epochs: Input should be a valid integer, got '5'"),
+    "a start without epochs": (
+        lambda p: p["trainings"]["pcrdiffusion_cf"].update(kitti={"start": "kitti"}),
+        "trainings.pcrdiffusion_cf.kitti.epochs: Field required"),
+    "a start that leads out of the folder": (
+        lambda p: p["trainings"]["pcrdiffusion_cf"].update(kitti={"epochs": 1, "start": "../x"}),
+        "trainings.pcrdiffusion_cf.kitti.start: a name needs 1 to 64 of "),
     "an unknown sampler": (lambda p: p["diffusion"].update(sampler="euler"),
         "diffusion.sampler: Input should be 'ddpm', 'ddim' or 'feedback', got 'euler'"),
     "a range that falls": (lambda p: p["scenarios"]["kitti"].update(min_translation=2.0),
@@ -118,7 +135,7 @@ WRONG: dict[str, tuple[Change, str]] = {
     "a classical method of no settings": (lambda p: p["run"]["classical"].append("gicp"),
         "gicp needs a section methods.gicp, there is none"),
     "a baseline of no epochs": (lambda p: p["trainings"]["pcrnet"].update(kitti=0),
-        "trainings.pcrnet.kitti: Input should be greater than or equal to 1, got 0"),
+        "trainings.pcrnet.kitti.epochs: Input should be greater than or equal to 1, got 0"),
     "a scenario without PCRDiffusion": (lambda p: p["trainings"]["pcrdiffusion_cb"].pop("kitti"),
         "run.diffused needs trainings.pcrdiffusion_cb.kitti, which is not there"),
     "no PCRDiffusion at all": (lambda p: p["run"].update(diffused=[]),
@@ -285,7 +302,8 @@ def test_no_number_is_without_bounds(number: float) -> None:
             Params.model_validate(params)
         place[last] = kept
         first = refused.value.errors()[0]
-        assert first["loc"] == (*outer, last)
+        inside = ("epochs",) if outer[:1] == ["trainings"] else ()  # which an integer stands for
+        assert first["loc"] == (*outer, last, *inside)
         assert first["msg"].startswith("Input should be ")
 
 

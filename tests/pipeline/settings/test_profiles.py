@@ -161,6 +161,17 @@ def test_what_is_written_are_the_values_and_dvc_rewrites_one_line_of_it(
     assert len(changed) == 1
 
 
+def test_a_list_with_a_comment_may_become_empty_before_another_list(root: Path) -> None:
+    assert "  shipped:                      # networks" in QUICK.read_text()
+    mine(root, "profile: mine\nrun: {shipped: []}\n")
+    write_profile(root, "mine", force=False)
+    text = (root / "params.yaml").read_text()
+    assert read_yaml(root / "params.yaml") == profile_values(root, "mine")
+    assert re.search(
+        r"^  shipped: +\[\] +# networks .*\n  classical:\n  - identity$", text, re.MULTILINE
+    )
+
+
 def test_one_profile_may_follow_any_other(root: Path) -> None:
     for name in ("real", "quick", "paper", "tables", "real"):
         write_profile(root, name, force=False)
