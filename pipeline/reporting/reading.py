@@ -13,7 +13,7 @@ import pandas as pd
 from pcrdiff.geometry.metrics import RIGHT_DEG, RIGHT_T
 from pcrdiff.registration import Pairs
 from pcrdiff.verdict import Verdict
-from pipeline.formats.answers import ANSWER, JUDGED, PROBABILITY
+from pipeline.formats.answers import ANSWER, CHAMFER, JUDGED, PROBABILITY
 from pipeline.formats.files import read_csv
 from pipeline.formats.pairs import read_attributes, read_pairs
 from pipeline.formats.verdicts import VERDICTS, read_verdicts
@@ -26,6 +26,8 @@ EULER = ["rx_deg", "ry_deg", "rz_deg"]
 SHIFT = ["tx", "ty", "tz"]
 NUMBERS = ANSWER[5:]
 """The columns of an answer that hold numbers: errors, differences by axis, the pose."""
+MAY_LACK = [CHAMFER, *JUDGED]
+"""Those that may be empty, or missing from a file."""
 ABLATIONS, TIMES, WALKS, NOISE = "ablations", "times", "walks", "noise"
 """Folders beside those of the methods; the ablation ``noise`` has a file for each method."""
 TIMED = ["seconds", "peak_memory_mib"]
@@ -51,7 +53,8 @@ def read_answers(folder: Path, verdicts: Verdicts = MappingProxyType({})) -> pd.
         table), ``scenario``, ``method``, ``draw`` (0 for the first), ``failed``, ``right`` (off by
         less than 5 degrees and 0.1), ``trusted`` (by the verdict of its set), and ``headline``,
         which marks one set of each method on each scenario: the paper's setting, else the first.
-        What speaks for an answer, and its ``probability``, are NaN where nothing was said.
+        What speaks for an answer, and its ``probability``, are NaN where nothing was said, and
+        ``chamfer_ratio`` where no shape was known.
 
     Raises:
         FileNotFoundError: There is none.
@@ -70,7 +73,7 @@ def read_answers(folder: Path, verdicts: Verdicts = MappingProxyType({})) -> pd.
         draw=drawn[2].where(drawn[2] != "", "0").astype(int),
         failed=answers["failure"] != "",
         **_numbers(answers, ["pair", *NUMBERS]),
-        **_known_numbers(answers, JUDGED),
+        **_known_numbers(answers, MAY_LACK),
     )
     _check_one_row_per_pair(answers)
     _check_same_pairs(answers)
@@ -111,13 +114,13 @@ def _read_texts(file: Path) -> pd.DataFrame:
     """Read one file of answers, every field a text, and say whose its rows are."""
     folder, name = file.parent.name, file.stem
     if folder not in (ABLATIONS, NOISE):
-        answers, table = _read_columns(file, ANSWER, JUDGED), place(name).table
-        answers = pd.DataFrame({**dict.fromkeys(JUDGED, ""), **answers})
+        answers, table = _read_columns(file, ANSWER, MAY_LACK), place(name).table
+        answers = pd.DataFrame({**dict.fromkeys(MAY_LACK, ""), **answers})
         return answers.assign(method=folder, scenario=name, table=table, ablation="")
     ablation = NOISE if folder == NOISE else name
     table = ABLATED[ablation].table if ablation in ABLATED else "extra"
-    answers = _read_columns(file, ["method", *ANSWER], ["scenario", *JUDGED])
-    unsaid = {"scenario": UNSEEN_OBJECTS, **dict.fromkeys(JUDGED, "")}
+    answers = _read_columns(file, ["method", *ANSWER], ["scenario", *MAY_LACK])
+    unsaid = {"scenario": UNSEEN_OBJECTS, **dict.fromkeys(MAY_LACK, "")}
     return pd.DataFrame({**unsaid, **answers}).assign(table=table, ablation=ablation)
 
 
