@@ -31,6 +31,8 @@ class Pairs:
     source_normals: Float[Tensor, "pairs n 3"] | None = None
     """Unit normals that the data set gave, where the scenario keeps them; both clouds' or none."""
     target_normals: Float[Tensor, "pairs m 3"] | None = None
+    shape: Float[Tensor, "pairs points 3"] | None = None
+    """The whole item, without noise, in the source's frame; where it is kept to measure answers by."""
 
     def __len__(self) -> int:
         """How many pairs."""
@@ -51,7 +53,7 @@ class Pairs:
         kept = {
             name: values[rows, index[name.removesuffix("_normals")]]
             for name, values in self._each(lambda values: values).items()
-            if name != "T_target_source"
+            if name.removesuffix("_normals") in index
         }
         return replace(self, **kept)
 
@@ -60,8 +62,8 @@ class Pairs:
         return replace(self, **self._each(lambda values: values.to(device)))
 
     def _each(self, change: Callable[[Tensor], Tensor]) -> dict[str, Any]:
-        """The changed poses, clouds and normals by their names, where there are any."""
-        names = ("source", "target", "T_target_source", "source_normals", "target_normals")
+        """The changed poses, clouds, normals and shapes by their names, where there are any."""
+        names = ("source", "target", "T_target_source", "source_normals", "target_normals", "shape")
         values = {name: getattr(self, name) for name in names}
         return {name: change(value) for name, value in values.items() if value is not None}
 

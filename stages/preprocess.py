@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 
@@ -61,6 +61,8 @@ LICENCES = {
     "kitti": "CC BY-NC-SA 3.0 (www.cvlibs.net)",
 }
 SYNTHETIC_LICENCE = "MIT, made by this project"
+SHAPE_POINTS = 1024
+"""Of the whole shape beside a pair whose answers are measured: to validate and to test."""
 DOUBLED_NAMED = 5
 """Doubled contents that are named before they are only counted."""
 
@@ -103,7 +105,7 @@ def preprocess(
         **{
             each.name: getattr(scenario, each.name)
             for each in fields(Corruption)
-            if each.name != "poses"
+            if each.name not in ("poses", "shape_points")
         },
     )
     splits, dropped = {}, dict[str, list[str]]()
@@ -115,7 +117,8 @@ def preprocess(
         if scenario.degenerate == "drop" and (numbers := find()):
             dropped[split] = [items[every[k]].name for k in numbers]
             shown = _without(every, numbers, f"{scenario.dataset} {split}")
-        blocks = make_pairs(items, shown, corruption, seeds, bar, spread)
+        kept = replace(corruption, shape_points=0 if split == "train" else SHAPE_POINTS)
+        blocks = make_pairs(items, shown, kept, seeds, bar, spread)
         splits[split] = Streamed(len(shown), _of(scenario.dataset, blocks, find))
     provenance = {
         **_origin(scenario, family, manifest),

@@ -21,6 +21,13 @@ Shown = Sequence[int] | Mapping[int, int]
 """Which item each pair shows; by the pairs' own numbers where some are left out."""
 BLOCK = 16
 """Pairs that are made, handed over and written together."""
+MadePair = tuple[
+    SampledCloud,
+    SampledCloud,
+    Float64[np.ndarray, "4 4"],
+    Float64[np.ndarray, "points 3"] | None,
+]
+"""Source, target, T_target_source, and the whole shape where it is kept."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +62,8 @@ class Corruption:
     """Share of each cloud that its own half-space crop leaves; 1 leaves all."""
     normals: Normals
     """``given`` keeps the data set's own, those of the clean surface; ``estimated`` none."""
+    shape_points: int = 0
+    """Points of the whole shape, kept beside the pair to measure answers by; 0 keeps none."""
 
 
 def split_items(items: Sequence[RawItem], split: Split) -> dict[str, list[int]]:
@@ -128,11 +137,13 @@ def make_pair(
     corruption: Corruption,
     *,
     generator: np.random.Generator,
-) -> tuple[SampledCloud, SampledCloud, Float64[np.ndarray, "4 4"]]:
+) -> MadePair:
     """Source, target and the T_target_source that carries the one into the other's frame.
 
     The source stays in the item's own frame, scaled to the unit sphere; the target is moved
-    (Eq. 3: Q = G P). Given normals are three more channels of both.
+    (Eq. 3: Q = G P). Given normals are three more channels of both. The shape is the whole item in
+    the source's frame, without noise; it is drawn last, and None where none is kept or the clouds
+    are made of its points.
 
     Raises:
         ValueError: The item has too few points, or lacks normals that are to be given.
@@ -156,7 +167,33 @@ def make_pair(
         noise = corruption.jitter_deviation, corruption.jitter_clip
         source = jitter(source, *noise, generator=generator)
         target = jitter(target, *noise, generator=generator)
-    return source, shuffle(target, generator=generator), pose
+    target = shuffle(target, generator=generator)
+    if not corruption.shape_points or not _leaves_shape(surface, corruption):
+        return source, target, pose, None
+    shape = _draw_shape(surface, corruption.shape_points, generator)
+    return source, target, pose, rescale(shape, centre, scale)
+
+
+def _leaves_shape(
+    surface: Mesh | Float64[np.ndarray, "surface columns"], corruption: Corruption
+) -> bool:
+    """Whether the true pose leaves a distance between the clouds and their shape.
+
+    Noise does; so does a mesh of which the clouds are parts or separate samples. Points of a cloud
+    without noise are points of the shape, at distance 0.
+    """
+    apart = corruption.sampling == "independent" or corruption.keep < 1
+    return corruption.jitter_deviation > 0 or (apart and isinstance(surface, Mesh))
+
+
+def _draw_shape(
+    surface: Mesh | Float64[np.ndarray, "surface columns"],
+    count: int,
+    generator: np.random.Generator,
+) -> Float64[np.ndarray, "count 3"]:
+    """Points of the whole item; of a cloud that has fewer all, repeated, which moves no minimum."""
+    held = count if isinstance(surface, Mesh) else min(count, len(surface))
+    return np.resize(sample_points(surface, held, generator=generator), (count, 3))
 
 
 def _check_extent(points: SampledCloud) -> None:
@@ -193,9 +230,9 @@ def make_pairs(
     )
     for block, arrays in zip(progress(blocks, f"pairs, {BLOCK} at a time"), made, strict=True):
         index = [i for _, i in block]
-        source, target, poses, *normals = map(torch.from_numpy, arrays)
+        fields = {name: torch.from_numpy(values) for name, values in arrays.items()}
         group = tuple(items[i].group for i in index)
-        yield Pairs(source, target, poses, torch.tensor(index), group, *normals)
+        yield Pairs(**fields, item=torch.tensor(index), group=group)
 
 
 def find_degenerate(
@@ -243,19 +280,24 @@ def choose_shown(index: Sequence[int], count: int | None, seed: Sequence[int]) -
 
 def _make_block(
     numbered: Sequence[tuple[int, RawItem]], corruption: Corruption, seed: Sequence[int]
-) -> list[np.ndarray]:
-    """Sources, targets and poses of some pairs, and both clouds' normals where they are given."""
+) -> dict[str, np.ndarray]:
+    """The fields of some pairs by name: clouds, poses, and normals and shapes where there are any."""
     made = [_make_numbered(k, item, corruption, seed) for k, item in numbered]
-    *clouds, poses = (np.stack(part) for part in zip(*made, strict=True))
-    source, target = (cloud.astype(np.float32) for cloud in clouds)
-    if corruption.normals == "estimated":
-        return [source, target, poses]
-    return [source[..., :3], target[..., :3], poses, source[..., 3:], target[..., 3:]]
+    *clouds, poses, shapes = zip(*made, strict=True)
+    source, target = (np.stack(cloud).astype(np.float32) for cloud in clouds)
+    fields = {
+        "source": source[..., :3],
+        "target": target[..., :3],
+        "T_target_source": np.stack(poses),
+    }
+    if corruption.normals == "given":
+        fields |= {"source_normals": source[..., 3:], "target_normals": target[..., 3:]}
+    if shapes[0] is not None:
+        fields["shape"] = np.stack(shapes).astype(np.float32)
+    return fields
 
 
-def _make_numbered(
-    k: int, item: RawItem, corruption: Corruption, seed: Sequence[int]
-) -> tuple[SampledCloud, SampledCloud, Float64[np.ndarray, "4 4"]]:
+def _make_numbered(k: int, item: RawItem, corruption: Corruption, seed: Sequence[int]) -> MadePair:
     """Pair k; an error names its item."""
     try:
         generator = np.random.default_rng([*seed, k])

@@ -61,7 +61,9 @@ def _card(method: str, scenario: str, facts: Mapping[str, Any], answers: Path) -
     yield f"- **Terms of the data**: {data['licence']}. The weights are shipped under the code's licence,"
     yield "  naming the data; the data itself is not part of the repository."
     yield f"- **Training**: {facts['epochs']:,} epochs, {facts['steps']:,} steps of"
-    points = f", {facts['step_points']} points of each cloud a step" if "step_points" in facts else ""
+    points = (
+        f", {facts['step_points']} points of each cloud a step" if "step_points" in facts else ""
+    )
     yield f"  {facts['batch_size']} pairs, new poses in every epoch{points}; weights of epoch"
     yield f"  {facts['best_epoch']}, at {facts['val_error_r_deg']:.2f} degrees on validation pairs."
     if "start" in facts:

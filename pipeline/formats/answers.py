@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from pcrdiff.geometry.metrics import (
+    chamfer_ratio,
     error_r_deg,
     error_t,
     euler_difference_deg,
@@ -25,9 +27,11 @@ POSE = tuple(f"T{row}{column}" for row in range(3) for column in range(4))
 ANSWER = ["pair", "item", "group", "setting", "failure", "error_r_deg", "error_t"]
 ANSWER += ["rx_deg", "ry_deg", "rz_deg", "tx", "ty", "tz", *POSE]
 """The columns that say what was answered."""
+CHAMFER = "chamfer_ratio"
+"""The answer's modified Chamfer distance over the true pose's; empty where no shape is known."""
 PROBABILITY = "probability"
 JUDGED = [*EVIDENCE, PROBABILITY]
-"""The columns behind them: what speaks for the answer, and the probability that it is right.
+"""The last columns: what speaks for the answer, and the probability that it is right.
 
 All are empty for a method that never says, or that failed; the probability also without a verdict.
 """
@@ -49,7 +53,7 @@ def write_estimates(
         for setting, given in answers.items()
         for row in _rows(truth, setting, given, judged.get(setting))
     ]
-    write_csv(path, [[*ANSWER, *JUDGED], *rows])
+    write_csv(path, [[*ANSWER, CHAMFER, *JUDGED], *rows])
 
 
 def write_ablation(
@@ -62,7 +66,7 @@ def write_ablation(
         for setting, given in settings.items()
         for row in _rows(truth, setting, given)
     ]
-    write_csv(path, [["method", *ANSWER, *JUDGED], *rows])
+    write_csv(path, [["method", *ANSWER, CHAMFER, *JUDGED], *rows])
 
 
 def _rows(
@@ -72,11 +76,22 @@ def _rows(
     compared = error_r_deg, error_t, euler_difference_deg, translation_difference
     columns = [compare(pose, true_pose) for compare in compared]
     numbers = torch.column_stack([*columns, pose[:, :3].flatten(1)]).tolist()
-    judged = _judged(given, verdict)
+    behind = [
+        [ratio, *told]
+        for ratio, told in zip(_ratios(truth, pose), _judged(given, verdict), strict=True)
+    ]
     return [
-        [k, int(truth.item[k]), truth.group[k], setting, given.failures[k], *numbers[k], *judged[k]]
+        [k, int(truth.item[k]), truth.group[k], setting, given.failures[k], *numbers[k], *behind[k]]
         for k in range(len(truth))
     ]
+
+
+def _ratios(truth: Pairs, pose: Tensor) -> list[object]:
+    """The field ``CHAMFER`` of each pair."""
+    if truth.shape is None:
+        return [""] * len(truth)
+    clouds = truth.source, truth.target, truth.shape
+    return [*chamfer_ratio(pose, truth.T_target_source, *clouds).tolist()]
 
 
 def _judged(given: "Estimates", verdict: "Verdict | None") -> list[list[object]]:

@@ -1,7 +1,7 @@
 """Pair files: HDF5, checked before a pair is believed."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +25,8 @@ LARGEST_RATIO = 1100
 """How many times a dataset may be larger than its file: deflate reaches 1,032."""
 NORMALS = ("source_normals", "target_normals")
 """Datasets that a split has where the scenario keeps given normals; both or neither."""
+SHAPE = "shape"
+"""Dataset that a split has where answers are measured by it; files from before have none."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def write_pairs(
 def _write_split(group: h5py.Group, streamed: Streamed, label: str) -> None:
     written, groups = 0, list[str]()
     for block in streamed.blocks:
-        for field in (*KINDS, *NORMALS):
+        for field in (*KINDS, *NORMALS, SHAPE):
             values = getattr(block, field)
             if values is None:
                 continue
@@ -148,22 +150,35 @@ def _checked(group: h5py.Group, where: str) -> Pairs:
         torch.from_numpy(poses.astype(np.float64)),
         torch.from_numpy(item.astype(np.int64)),
         tuple(_decode(name, f"{where} {label}") for name in names),
-        *_normals(group, {"source": source, "target": target}, where),
+        **_normals(group, [source, target], where),
+        shape=_shape(group, count, where),
     )
 
 
 def _normals(
-    group: h5py.Group, clouds: Mapping[str, np.ndarray[Any, Any]], where: str
-) -> list[Tensor]:
-    """The normals of both clouds; nothing where there are none."""
+    group: h5py.Group, clouds: Sequence[np.ndarray[Any, Any]], where: str
+) -> dict[str, Tensor]:
+    """The normals of both clouds by the names of their datasets; nothing where there are none."""
     found = [name for name in NORMALS if name in group]
     if len(found) == 1:
         raise ValueError(f"{where} needs normals of both clouds or of neither, has {found[0]}")
-    return [
-        _unit(_array(group, f"{name}_normals", "f", where), points, f"{where} {name}_normals")
-        for name, points in clouds.items()
+    return {
+        name: _unit(_array(group, name, "f", where), points, f"{where} {name}")
+        for name, points in zip(NORMALS, clouds, strict=True)
         if found
-    ]
+    }
+
+
+def _shape(group: h5py.Group, count: int, where: str) -> Tensor | None:
+    """The shapes of ``count`` pairs; None where there are none."""
+    if SHAPE not in group:
+        return None
+    points = _array(group, SHAPE, "f", where)
+    if points.ndim != 3 or points.shape[::2] != (count, 3) or points.shape[1] == 0:
+        raise ValueError(f"{where} needs shapes [{count}, n, 3] with n > 0, has {points.shape}")
+    if not np.isfinite(points).all():
+        raise ValueError(f"{where} needs finite values, {SHAPE} has NaN or infinity")
+    return torch.from_numpy(points.astype(np.float32))
 
 
 def _unit(normals: np.ndarray[Any, Any], points: np.ndarray[Any, Any], where: str) -> Tensor:

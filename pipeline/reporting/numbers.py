@@ -8,7 +8,9 @@ import pandas as pd
 from jaxtyping import Float64, Int64
 from scipy.special import gammaincinv
 
+from pcrdiff.geometry.metrics import CHAMFER_WITHIN
 from pcrdiff.verdict import calibration_error, trust_quality
+from pipeline.formats.answers import CHAMFER
 from pipeline.reporting.contrasts import pick_contrasts
 from pipeline.reporting.paper import (
     ACCURACY,
@@ -30,6 +32,8 @@ COLUMNS += ["value", "low", "high", "paper", "pairs", "failures"]
 METRICS = (*ACCURACY, "median_error_r_deg", "below_5_deg_percent")
 BINNED = METRICS[4:]
 """Metrics of the pairs of one bin."""
+CHAMFER_SUCCESS = "chamfer_success_percent"
+"""Metric of a line whose answers all have a ``chamfer_ratio``."""
 IMPROVEMENT = "improvement_percent"
 """Of a contrast: by how much of the other's mean ERROR(R) the first one's is smaller."""
 SPREAD = "spread_over_draws_deg"
@@ -95,7 +99,7 @@ def write_numbers(numbers: pd.DataFrame) -> str:
 
 
 def with_contributions(answers: pd.DataFrame) -> pd.DataFrame:
-    """Add, for each of ``METRICS`` and ``TRUST``, what a pair contributes to it."""
+    """Add, for each metric of a line and of ``TRUST``, what a pair contributes to it."""
     euler, shift = answers[EULER].to_numpy(), answers[SHIFT].to_numpy()
     judged = answers["trusted"].astype(float) + 2 * answers["right"]
     return answers.assign(
@@ -105,6 +109,7 @@ def with_contributions(answers: pd.DataFrame) -> pd.DataFrame:
         mae_t=np.abs(shift).mean(axis=-1),
         median_error_r_deg=answers["error_r_deg"],
         below_5_deg_percent=100.0 * (answers["error_r_deg"] < 5),
+        chamfer_success_percent=100.0 * (answers[CHAMFER] <= CHAMFER_WITHIN),
         right_percent=100.0 * answers["right"],
         **dict.fromkeys(TRUST, judged),
     )
@@ -152,11 +157,12 @@ def _lines(answers: pd.DataFrame, seed: int) -> Iterator[Row]:
         if place["draw"]:
             yield from _measure(pairs, ERRORS, seed, place | {"kind": "draw"})
             continue
-        yield from _measure(pairs, METRICS, seed, place)
+        metrics = [*METRICS, *([CHAMFER_SUCCESS] if pairs[CHAMFER].notna().all() else [])]
+        yield from _measure(pairs, metrics, seed, place)
         if place["scenario"].startswith("modelnet40"):
             asymmetric = pairs[~pairs["group"].isin(SYMMETRIC)]
             if len(asymmetric):
-                yield from _measure(asymmetric, METRICS, seed, place | {"subset": "asymmetric"})
+                yield from _measure(asymmetric, metrics, seed, place | {"subset": "asymmetric"})
 
 
 def _timed(times: pd.DataFrame, lines: pd.DataFrame, seed: int) -> Iterator[Row]:

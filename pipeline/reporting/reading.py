@@ -13,7 +13,7 @@ import pandas as pd
 from pcrdiff.geometry.metrics import RIGHT_DEG, RIGHT_T
 from pcrdiff.registration import Pairs
 from pcrdiff.verdict import Verdict
-from pipeline.formats.answers import ANSWER, JUDGED, PROBABILITY
+from pipeline.formats.answers import ANSWER, CHAMFER, JUDGED, PROBABILITY
 from pipeline.formats.files import read_csv
 from pipeline.formats.pairs import read_attributes, read_pairs
 from pipeline.formats.verdicts import VERDICTS, read_verdicts
@@ -32,6 +32,8 @@ NOISE, STARTS = "noise", "starts"
 """The ablations that have a folder: of files for each method, and for each scenario."""
 HOW_MANY = r"(\w+,)?starts=[1-9]\d*"
 """A setting of the ablation of starts: that of their source, and how many there were."""
+MAY_LACK = [CHAMFER, *JUDGED]
+"""The columns of an answer that may be empty, or missing from a file."""
 TIMED = ["seconds", "peak_memory_mib"]
 SET = ["table", "ablation", "scenario", "method", "setting", "draw"]
 """What the answers of one set have in common; a further draw of the noise is a set of its own."""
@@ -55,7 +57,8 @@ def read_answers(folder: Path, verdicts: Verdicts = MappingProxyType({})) -> pd.
         table), ``scenario``, ``method``, ``draw`` (0 for the first), ``failed``, ``right`` (off by
         less than 5 degrees and 0.1), ``trusted`` (by the verdict of its set), and ``headline``,
         which marks one set of each method on each scenario: the paper's setting, else the first.
-        What speaks for an answer, and its ``probability``, are NaN where nothing was said.
+        What speaks for an answer, and its ``probability``, are NaN where nothing was said, and
+        ``chamfer_ratio`` where no shape was known.
 
     Raises:
         FileNotFoundError: There is none.
@@ -74,7 +77,7 @@ def read_answers(folder: Path, verdicts: Verdicts = MappingProxyType({})) -> pd.
         draw=drawn[2].where(drawn[2] != "", "0").astype(int),
         failed=answers["failure"] != "",
         **_numbers(answers, ["pair", *NUMBERS]),
-        **_known_numbers(answers, JUDGED),
+        **_known_numbers(answers, MAY_LACK),
     )
     _check_one_row_per_pair(answers)
     _check_same_pairs(answers)
@@ -116,14 +119,14 @@ def _read_texts(file: Path) -> pd.DataFrame:
     """Read one file of answers, every field a text, and say whose its rows are."""
     folder, name = file.parent.name, file.stem
     if folder not in (ABLATIONS, NOISE, STARTS):
-        answers, table = _read_columns(file, ANSWER, JUDGED), place(name).table
-        answers = pd.DataFrame({**dict.fromkeys(JUDGED, ""), **answers})
+        answers, table = _read_columns(file, ANSWER, MAY_LACK), place(name).table
+        answers = pd.DataFrame({**dict.fromkeys(MAY_LACK, ""), **answers})
         return answers.assign(method=folder, scenario=name, table=table, ablation="")
     ablation = name if folder == ABLATIONS else folder
     table = ABLATED[ablation].table if ablation in ABLATED else "extra"
-    answers = _read_columns(file, ["method", *ANSWER], ["scenario", *JUDGED])
+    answers = _read_columns(file, ["method", *ANSWER], ["scenario", *MAY_LACK])
     scenario = name if folder == STARTS else UNSEEN_OBJECTS
-    unsaid = {"scenario": scenario, **dict.fromkeys(JUDGED, "")}
+    unsaid = {"scenario": scenario, **dict.fromkeys(MAY_LACK, "")}
     return pd.DataFrame({**unsaid, **answers}).assign(table=table, ablation=ablation)
 
 

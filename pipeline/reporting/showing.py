@@ -12,6 +12,7 @@ HEADINGS = {
     "error_t": "ERROR(t)",
     "median_error_r_deg": "median ERROR(R)",
     "below_5_deg_percent": "below 5°",
+    "chamfer_success_percent": "Chamfer success",
     "seconds": "time",
     "peak_memory_mib": "memory",
     "spread_over_draws_deg": "spread over draws",
