@@ -25,7 +25,7 @@ MadePair = tuple[
     SampledCloud,
     SampledCloud,
     Float64[np.ndarray, "4 4"],
-    Float64[np.ndarray, "points 3"] | None,
+    Float64[np.ndarray, "kept 3"] | None,
 ]
 """Source, target, T_target_source, and the whole shape where it is kept."""
 

@@ -11,7 +11,7 @@ import torch
 
 from pcrdiff.methods.icp import ICP
 from pcrdiff.registration import EVIDENCE
-from pipeline.formats.answers import ANSWER, JUDGED
+from pipeline.formats.answers import ANSWER, CHAMFER, JUDGED
 from pipeline.formats.pairs import read_pairs
 from pipeline.formats.verdicts import read_verdicts
 from tests.tiny import (
@@ -63,8 +63,8 @@ def test_there_is_a_row_a_pair_and_setting(method: str) -> None:
     section = tiny_params()["methods"][method]
     settings = list(section if method in CLASSICAL else section["settings"])
     assert Counter(row["setting"] for row in rows(method)) == dict.fromkeys(settings, 3)
-    assert list(rows(method)[0]) == [*ANSWER, *JUDGED]
-    assert {row[name] for row in rows(method) for name in JUDGED} == {""}
+    assert list(rows(method)[0]) == [*ANSWER, CHAMFER, *JUDGED]
+    assert {row[name] for row in rows(method) for name in (CHAMFER, *JUDGED)} == {""}
     test = read_pairs(PAIRS, "test")
     for row in rows(method):
         assert int(row["item"]) == int(test.item[int(row["pair"])])

@@ -5,13 +5,15 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from pcrdiff.geometry.metrics import (
+    chamfer_ratio,
     error_r_deg,
     error_t,
     euler_difference_deg,
     is_right,
+    modified_chamfer,
     translation_difference,
 )
-from pcrdiff.geometry.rigid import from_parts
+from pcrdiff.geometry.rigid import from_parts, transform
 from tests.pcrdiff.synthetic_clouds import random_poses, seeded
 
 
@@ -81,3 +83,36 @@ def test_the_rotation_error_is_symmetric_and_blind_to_frames_and_translations() 
     torch.testing.assert_close(error_r_deg(A @ estimate, A @ truth), errors)
     estimate[:, :3, 3] += 100
     torch.testing.assert_close(error_r_deg(estimate, truth), errors)
+
+
+def shown(shape: torch.Tensor, truth: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Noisy halves of a shape: one where it lies, the other where the pose carries it."""
+    noise = 0.01 * torch.randn(2, 1, 200, 3, generator=seeded(8), dtype=torch.float64)
+    source = shape[:, :200] + noise[0]
+    return source, transform(truth, shape[:, 200:] + noise[1])
+
+
+def test_the_modified_chamfer_distance_of_the_truth_is_the_noise_and_grows_with_the_angle() -> None:
+    shape = torch.rand(1, 400, 3, generator=seeded(7), dtype=torch.float64)
+    truth = random_poses(1, generator=seeded(9))
+    clouds = shown(shape, truth)
+    turned = [truth @ about_x(angle) for angle in (0, 2, 10)]
+    near, further, far = (modified_chamfer(T, truth, *clouds, shape).item() for T in turned)
+    assert near == pytest.approx(2 * 3 * 0.01**2, rel=0.2)
+    assert near < further < far
+    ratio = chamfer_ratio(turned[2], truth, *clouds, shape).item()
+    assert ratio == pytest.approx(far / near)
+
+
+def test_a_shape_turned_by_its_own_symmetry_is_as_near() -> None:
+    half = torch.rand(1, 200, 3, generator=seeded(7), dtype=torch.float64)
+    shape = torch.cat([half, transform(about_x(180), half)], dim=1)
+    truth = random_poses(1, generator=seeded(9))
+    ratio = chamfer_ratio(truth @ about_x(180), truth, *shown(shape, truth), shape)
+    assert ratio.item() == pytest.approx(1, abs=0.02)
+
+
+def test_without_noise_the_ratio_of_the_truth_is_at_most_one() -> None:
+    shape = torch.rand(1, 50, 3, generator=seeded(7), dtype=torch.float64)
+    truth = random_poses(1, generator=seeded(9))
+    assert chamfer_ratio(truth, truth, shape, transform(truth, shape), shape).item() <= 1

@@ -75,7 +75,7 @@ def by_groups(val: Sequence[str], test: Sequence[str]) -> Split:
 
 def draw(corruption: Corruption, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     made = make_pair(surface(9), corruption, generator=np.random.default_rng(seed))
-    source, target, pose = (torch.from_numpy(part) for part in made)
+    source, target, pose = map(torch.from_numpy, made[:3])
     return source, target, pose
 
 
@@ -190,7 +190,7 @@ def test_independent_samples_share_the_surface_but_not_the_points() -> None:
     mesh = Mesh(vertices=np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0]]), faces=np.array([[0, 1, 2]]))
     corruption = replace(PLAIN, sampling="independent")
     made = make_pair(mesh, corruption, generator=np.random.default_rng(0))
-    source, target, pose = (torch.from_numpy(part) for part in made)
+    source, target, pose = map(torch.from_numpy, made[:3])
     back = transform(invert(pose), target)
     assert torch.cdist(source, back).min(dim=1).values.median() > 1e-3
     torch.testing.assert_close(back[:, 2], torch.zeros(40, dtype=torch.float64))  # the same plane
@@ -415,3 +415,32 @@ def test_pairs_come_in_blocks_and_none_is_made_before_it_is_asked_for() -> None:
     assert len(next(blocks)) == BLOCK
     assert read == list(range(BLOCK))
     assert [len(block) for block in blocks] == [BLOCK, 1]
+
+
+NOISY = replace(PLAIN, sampling="independent", jitter_deviation=0.01, keep=0.7)
+
+
+def test_the_whole_shape_lies_where_the_source_does_and_changes_no_other_draw() -> None:
+    items = make_items(["a"], 2)
+    plain = make(items, [0, 1], None, NOISY, [3])
+    kept = make(items, [0, 1], None, replace(NOISY, shape_points=60), [3])
+    for name in ("source", "target", "T_target_source"):
+        assert torch.equal(getattr(plain, name), getattr(kept, name))
+    assert plain.shape is None
+    assert kept.shape is not None
+    assert kept.shape.shape == (2, 60, 3)
+    off = torch.cdist(kept.source, kept.shape).amin(dim=2)
+    assert (off < 0.09).all()  # the noise, clipped at 0.05 along each axis
+    assert len(np.unique(kept.shape[0].numpy(), axis=0)) == 60
+
+
+def test_a_cloud_of_fewer_points_is_its_whole_shape() -> None:
+    kept = make(make_items(["a"], 1), [0], None, replace(NOISY, shape_points=100), [3])
+    assert kept.shape is not None
+    assert kept.shape.shape[1] == 100
+    assert len(np.unique(kept.shape[0].numpy(), axis=0)) == 60
+
+
+def test_exact_copies_need_no_shape() -> None:
+    kept = make(make_items(["a"], 1), [0], None, replace(PLAIN, shape_points=60), [3])
+    assert kept.shape is None

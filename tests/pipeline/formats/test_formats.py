@@ -21,7 +21,7 @@ from pcrdiff.evaluation import Estimates
 from pcrdiff.registration import SPLITS, Pairs
 from pcrdiff.training.budget import Epoch
 from pcrdiff.verdict import Verdict
-from pipeline.formats.answers import ANSWER, JUDGED, write_ablation, write_estimates
+from pipeline.formats.answers import ANSWER, CHAMFER, JUDGED, write_ablation, write_estimates
 from pipeline.formats.files import write_atomically, write_json
 from pipeline.formats.pairs import Streamed, read_attributes, read_pairs, write_pairs
 from pipeline.formats.weights import read_weights, write_curve, write_weights
@@ -330,6 +330,26 @@ def test_normals_come_back_where_there_are_any(tmp_path: Path) -> None:
     assert plain.source_normals is plain.target_normals is None
 
 
+def test_shapes_come_back_where_there_are_any_and_are_checked(tmp_path: Path) -> None:
+    path = tmp_path / "pairs.h5"
+    splits = {name: synthetic_pairs(2) for name in SPLITS}
+    shape = torch.rand(2, 9, 3, generator=torch.Generator().manual_seed(0))
+    splits["test"] = replace(splits["test"], shape=shape)
+    write_pairs(path, streamed(splits), "category", ATTRIBUTES)
+    found = read_pairs(path, "test").shape
+    assert found is not None
+    assert torch.equal(found, shape)
+    assert read_pairs(path, "train").shape is None
+    for wrong, expected in (
+        (shape[:1], r"needs shapes \[2, n, 3\] with n > 0, has \(1, 9, 3\)"),
+        (shape * torch.inf, "needs finite values, shape has NaN or infinity"),
+    ):
+        with h5py.File(path, "r+") as file:
+            replaced(file["test"], "shape", wrong.numpy())
+        with pytest.raises(ValueError, match=rf"pairs\.h5 test {expected}"):
+            read_pairs(path, "test")
+
+
 def without_target_normals(file: h5py.File) -> None:
     del file["test"]["target_normals"]
 
@@ -627,8 +647,8 @@ def test_an_answer_is_a_row_a_pair_with_errors_worked_by_hand(tmp_path: Path) ->
     truth = synthetic_pairs(2)  # a quarter turn about z, and the same with 0.1 along x
     write_estimates(tmp_path / "a.csv", truth, {"paper": identities(2, ("", "no, it failed"))})
     rows = read_rows(tmp_path / "a.csv")
-    assert list(rows[0]) == [*ANSWER, *JUDGED]
-    assert {row[name] for row in rows for name in JUDGED} == {""}
+    assert list(rows[0]) == [*ANSWER, CHAMFER, *JUDGED]
+    assert {row[name] for row in rows for name in (CHAMFER, *JUDGED)} == {""}
     assert [(r["pair"], r["item"], r["group"], r["setting"], r["failure"]) for r in rows] == [
         ("0", "10", "group 0", "paper", ""),
         ("1", "11", "group 1", "paper", "no, it failed"),
@@ -641,6 +661,16 @@ def test_an_answer_is_a_row_a_pair_with_errors_worked_by_hand(tmp_path: Path) ->
     assert [abs(float(rows[1][axis])) for axis in ("tx", "ty", "tz")] == pytest.approx([0.1, 0, 0])
     pose = [[float(rows[0][f"T{row}{column}"]) for column in range(4)] for row in range(3)]
     assert pose == np.eye(4)[:3].tolist()
+
+
+def test_a_pair_whose_shape_is_known_tells_how_far_the_clouds_lie_from_it(tmp_path: Path) -> None:
+    truth = synthetic_pairs(2)
+    noisy = replace(truth, shape=truth.source + 0.01)
+    right = Estimates(truth.T_target_source, ("", ""))
+    write_estimates(tmp_path / "a.csv", noisy, {"right": right, "wrong": identities(2, ("", ""))})
+    ratios = [float(row[CHAMFER]) for row in read_rows(tmp_path / "a.csv")]
+    assert ratios[:2] == pytest.approx([1, 1])
+    assert min(ratios[2:]) > 1.1
 
 
 def test_answers_of_several_settings_follow_each_other(tmp_path: Path) -> None:
@@ -695,7 +725,7 @@ def test_an_ablation_names_the_method_of_each_row(tmp_path: Path) -> None:
     answers = {"cf": {"steps=1": one, "steps=2": one}, "cb": {"steps=1": one}}
     write_ablation(tmp_path / "a.csv", synthetic_pairs(1), answers)
     rows = read_rows(tmp_path / "a.csv")
-    assert list(rows[0]) == ["method", *ANSWER, *JUDGED]
+    assert list(rows[0]) == ["method", *ANSWER, CHAMFER, *JUDGED]
     assert [(r["method"], r["setting"]) for r in rows] == [
         ("cf", "steps=1"), ("cf", "steps=2"), ("cb", "steps=1"),
     ]  # fmt: skip

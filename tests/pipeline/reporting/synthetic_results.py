@@ -55,6 +55,8 @@ EVERY_METHOD = ROTATION_ERROR_DEG | {
     "egst": 1.2,
     "gicp_multistart": 0.5,
     "pcrdiffusion_cb_moved": 0.9,
+    "ransac_multistart": 0.8,
+    "sc2_pcr": 0.5,
 }
 """The same for all rows of the tables; a few suffice for most tests."""
 ABLATED = {
