@@ -20,6 +20,7 @@ def fit_rigid(
 
     Minimises ``sum_i w_i |R p_i + t - q_i|^2`` over SE(3): Eq. (1) of the paper, with the
     matches given row by row. Solved by SVD (Kabsch 1976), reflections removed.
+    The gradient is finite even where the matches fix no rotation: in early training, say.
 
     Args:
         source: Points p_i, in the source frame.
@@ -39,24 +40,23 @@ def fit_rigid(
     w = (weights / total).unsqueeze(-1)
     p_mean, q_mean = (w * source).sum(dim=-2), (w * target).sum(dim=-2)
     p, q = source - p_mean.unsqueeze(-2), target - q_mean.unsqueeze(-2)
-    U, _, Vh = torch.linalg.svd((w * q).mT @ p)
-    flip = torch.ones_like(p_mean)
-    flip[:, 2] = torch.det(U.detach() @ Vh.detach()).sign()  # det R = +1, whatever the noise did
-    R = (U * flip.unsqueeze(-2)) @ Vh
+    R = nearest_rotation((w * q).mT @ p)
     return from_parts(R, q_mean - (R @ p_mean.unsqueeze(-1)).squeeze(-1))
 
 
 def nearest_rotation(M: Rotations) -> Rotations:
     """The rotation R nearest to ``M`` in the Frobenius norm (special orthogonal Procrustes).
 
-    An SVD's own gradient blows up where singular values are equal, as they are of every rotation.
-    R itself is smooth there: with ``M = R S``, S symmetric, a change of M turns R by the solution
+    Reflections are removed: det R = +1, whatever the noise did. An SVD's own gradient blows up where
+    singular values are equal, as they are of every rotation. R itself is smooth there: with ``M = R S``, S symmetric, a change of M turns R by the solution
     x of ``(tr(S) I - S) x = vee(R^T M)``, which is zero at M itself.
     """
     with torch.no_grad():
         U, _, Vh = torch.linalg.svd(M)
         U = torch.cat([U[..., :2], U[..., 2:] * torch.det(U @ Vh).sign()[..., None, None]], dim=-1)
-        R = U @ Vh
+        R: Tensor = U @ Vh
+        if not M.requires_grad:
+            return R
         S = R.mT @ M
         trace = S.diagonal(dim1=-2, dim2=-1).sum(dim=-1)[..., None, None]
         lever = (trace + LEAST_LEVER) * torch.eye(3).to(M) - S

@@ -107,3 +107,14 @@ def test_refuses_a_batch_item_without_weight() -> None:
 def test_the_signature_refuses_clouds_of_unequal_length() -> None:
     with pytest.raises(Exception, match="points"):
         fit_rigid(torch.zeros(2, 5, 3), torch.zeros(2, 4, 3), torch.ones(2, 5))
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-12, 1e-6])
+def test_the_gradient_is_finite_where_all_matches_are_one_point(spread: float) -> None:
+    source = torch.randn(1, 20, 3, generator=seeded(3))
+    target = 0.3 + spread * torch.randn(1, 20, 3, generator=seeded(4))
+    target.requires_grad_()
+    fitted = fit_rigid(source, target, torch.ones(1, 20))
+    transform(fitted, source).square().sum().backward()  # type: ignore[no-untyped-call]
+    assert target.grad is not None
+    assert target.grad.isfinite().all()
