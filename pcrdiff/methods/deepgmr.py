@@ -9,13 +9,12 @@ from torch.nn.functional import mse_loss
 
 from pcrdiff.geometry.neighbors import squared_distances
 from pcrdiff.geometry.procrustes import fit_rigid
-from pcrdiff.geometry.rigid import from_parts, invert, transform
+from pcrdiff.geometry.rigid import invert
 from pcrdiff.models.invariants import describe_invariantly
 from pcrdiff.models.mlp import he_layers, he_linear
 from pcrdiff.registration import LearnedMethod, Losses, Pairs, Poses, Sources, Targets
 
 LEAST_SHARE = 1e-6  # a component without points has no weight, and its mean does not matter
-LEAST_LEVER = 1e-6  # cloud units squared; keeps the turn finite where the pose is not unique
 LEAST_VARIANCE = 1e-4  # cloud units squared; keeps one point from outweighing all others
 
 
@@ -69,7 +68,7 @@ class DeepGMR(LearnedMethod):
         source, target = self.mix(pairs.source), self.mix(pairs.target)
         T_truth = pairs.T_target_source.to(pairs.source)
         eye = torch.eye(4).to(T_truth).expand_as(T_truth)
-        there, back = align_differentiably(source, target), align_differentiably(target, source)
+        there, back = align(source, target), align(target, source)
         return {
             "there": mse_loss(there @ invert(T_truth), eye),
             "back": mse_loss(back @ T_truth, eye),
@@ -86,24 +85,3 @@ def align(source: Mixture, target: Mixture) -> Poses:
     A source component counts by its share, and the less the wider its counterpart is.
     """
     return fit_rigid(source.means, target.means, source.shares / target.variances)
-
-
-def align_differentiably(source: Mixture, target: Mixture) -> Poses:
-    """:func:`align` with a gradient that is finite wherever the pose is unique.
-
-    The gradient of an SVD is not: it divides by differences of singular values. At the pose the
-    torques of all components balance; where they change, a small turn restores the balance.
-    """
-    with torch.no_grad():
-        T = align(source, target)
-    w = (source.shares / target.variances).unsqueeze(-1)
-    w = w / w.sum(dim=-2, keepdim=True)
-    moved = transform(T, source.means)
-    p_mean, q_mean = (w * moved).sum(dim=-2, keepdim=True), (w * target.means).sum(-2, keepdim=True)
-    p, q = moved - p_mean, target.means - q_mean
-    torque = (w * torch.linalg.cross(p, q)).sum(dim=-2)
-    eye = torch.eye(3).to(p).expand(len(p), 3, 3)
-    lever = ((w * p * q).sum(dim=(-2, -1)) + LEAST_LEVER)[:, None, None] * eye - (w * p).mT @ q
-    turn = torch.linalg.solve(lever.detach(), torque)
-    R = eye + torch.linalg.cross(turn.unsqueeze(-1).expand_as(eye), eye, dim=-2)
-    return from_parts(R, (q_mean - p_mean @ R.mT).squeeze(-2)) @ T
