@@ -9,7 +9,7 @@ from pipeline.settings.params import MOVED, Params
 from pipeline.settings.profiles import profile_names, profile_values, read_profile
 from tests.described import REPOSITORY, read_repository_params
 
-PROFILES = ("quick", "tables", "real", "paper")
+PROFILES = ("quick", "tables", "real", "weights", "paper")
 
 
 FREE = (".trainings", ".methods", ".train")

@@ -25,6 +25,9 @@ from pcrdiff.models.pose_space import Scaling
 from pcrdiff.models.structure import DESCRIPTOR_DIM, StructureEmbedding, describe
 from pcrdiff.registration import Losses, Pairs, Sources, Targets
 
+LEAST_ALPHA = 1.0
+"""Below it, training can end where no point matches anything and the features no longer learn."""
+
 
 class PCRDiffusionCB(DiffusedMethod[Matchable]):
     """Structured features of every point and a noisy pose, to soft matches, to the clean pose."""
@@ -57,8 +60,9 @@ class PCRDiffusionCB(DiffusedMethod[Matchable]):
             self.embedding(describe(cloud, None, self.radius, self.neighbours))
             for cloud in (source, target)
         )
+        alpha, beta = self.annealing(source, target)
         return Matchable(
-            source, target, source_features, target_features, *self.annealing(source, target)
+            source, target, source_features, target_features, alpha + LEAST_ALPHA, beta
         )
 
     def condition(self, x_t: Vectors, t: Times, encoded: Matchable) -> Matchable:
