@@ -19,7 +19,8 @@ from pipeline.formats.weights import (
     write_weights,
 )
 from pipeline.reporting.numbers import RESAMPLES, bootstrap_interval
-from pipeline.settings.params import DIFFUSED
+from pipeline.settings.params import DIFFUSED, TrainingParams
+from pipeline.settings.profiles import profile_names, read_profile
 
 
 def ship(root: Path, method: str, scenario: str) -> list[Path]:
@@ -47,12 +48,28 @@ def write_card(root: Path, method: str, scenario: str) -> Path:
     weights = root / shipped_weights(method, scenario)
     answers = root / "results" / "shipped" / method / f"{scenario}.csv"
     card = weights.with_suffix(".md")
-    text = "\n".join(_card(method, scenario, read_facts(weights), answers))
+    facts = read_facts(weights)
+    profile = _profile(root, method, scenario, facts)
+    text = "\n".join(_card(method, scenario, facts, profile, answers))
     write_atomically(card, text.encode())
     return card
 
 
-def _card(method: str, scenario: str, facts: Mapping[str, Any], answers: Path) -> Iterator[str]:
+def _profile(root: Path, method: str, scenario: str, facts: Mapping[str, Any]) -> str | None:
+    """The profile that holds such a training: as many epochs, the same start, the same source."""
+    wanted = TrainingParams(epochs=facts["epochs"], start=facts.get("start"))
+    for name in profile_names(root):
+        params = read_profile(root, name)
+        if params.trainings.get(method, {}).get(scenario) != wanted:
+            continue
+        if params.acquire[params.scenarios[scenario].dataset].source == facts["data"]["source"]:
+            return name
+    return None
+
+
+def _card(
+    method: str, scenario: str, facts: Mapping[str, Any], profile: str | None, answers: Path
+) -> Iterator[str]:
     data, network = facts["data"], facts["network"]
     yield f"# {method}, {scenario}"
     yield ""
@@ -71,8 +88,7 @@ def _card(method: str, scenario: str, facts: Mapping[str, Any], answers: Path) -
         yield f"  `{facts['start_md5']}`; its training comes on top of this one."
     yield f"- **Network**: {', '.join(f'{key} {value}' for key, value in network.items())};"
     yield f"  {facts['parameters']:,} parameters, matrices in float16."
-    yield f"- **Again**: `pcrdiff profile real`, `dvc repro {_stage(method, scenario)}`,"
-    yield f"  `pcrdiff ship {method} {scenario}`."
+    yield from _again(method, scenario, profile)
     yield f"- **Not for** clouds that are not in the unit sphere, poses outside the spread of `{scenario}`,"
     yield "  or shapes unlike those of the data: no weights here were tested on them."
     if answers.is_file():
@@ -85,10 +101,14 @@ def _card(method: str, scenario: str, facts: Mapping[str, Any], answers: Path) -
     yield ""
 
 
-def _stage(method: str, scenario: str) -> str:
-    if method in DIFFUSED:
-        return f"train@{scenario}-{method}"
-    return f"train_baselines@{method}"
+def _again(method: str, scenario: str, profile: str | None) -> Iterator[str]:
+    if profile is None:
+        yield "- **Again**: no profile holds this training."
+        return
+    diffused = method in DIFFUSED
+    stage = f"train@{scenario}-{method}" if diffused else f"train_baselines@{method}"
+    yield f"- **Again**: `pcrdiff profile {profile}`, `dvc repro {stage}`,"
+    yield f"  `pcrdiff ship {method} {scenario}`."
 
 
 def _errors(answers: Path) -> Iterator[str]:

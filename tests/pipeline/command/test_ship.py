@@ -35,8 +35,19 @@ def test_what_is_shipped_is_the_training_in_half_the_room(own_code: Path) -> Non
     said = card.read_text(encoding="utf-8")
     assert "`modelnet40` (local),\n  48 points" in said
     assert "3 epochs" in said
-    assert f"dvc repro train@{SCENARIO}-{CF}" in said
+    assert "no profile holds this training" in said
     assert "Started" not in said
+
+
+def test_a_card_names_the_profile_that_holds_such_a_training(own_code: Path) -> None:
+    given = Path("params.yaml").read_text(encoding="utf-8")
+    Path("profiles").mkdir(exist_ok=True)
+    Path("profiles/quick.yaml").write_text(given, encoding="utf-8")
+    said = ship(own_code, CF, SCENARIO)[1].read_text(encoding="utf-8")
+    assert f"`pcrdiff profile quick`, `dvc repro train@{SCENARIO}-{CF}`" in said
+    other = read_facts(weights(CF)) | {"start": "kitti", "start_md5": "d41d8c"}
+    write_weights(weights(CF), read_weights(weights(CF), CF), other)
+    assert "profile quick" not in ship(own_code, CF, SCENARIO)[1].read_text(encoding="utf-8")
 
 
 def test_a_card_says_what_the_training_started_from(own_code: Path) -> None:
