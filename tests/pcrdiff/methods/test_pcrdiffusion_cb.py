@@ -40,6 +40,13 @@ def test_the_noisy_pose_and_its_time_reach_the_matches() -> None:
     assert not torch.allclose(match(method, x_t, torch.tensor([19]), clouds), matches, rtol=1e-3)
 
 
+def test_points_that_are_alike_match_however_little_the_annealing_network_grants() -> None:
+    method, pairs = make_cb(), synthetic_pairs(1, 40, generator=seeded(2))
+    torch.nn.init.constant_(method.annealing.head[-1].bias, -50.0)
+    alpha = method.encode(pairs.source, pairs.target).alpha
+    torch.testing.assert_close(alpha, torch.ones(1))
+
+
 def test_features_do_not_know_where_a_cloud_lies() -> None:
     method, pairs = make_cb().double(), synthetic_pairs(2, 40, generator=seeded(2))
     source, target = pairs.source.double(), pairs.target.double()
