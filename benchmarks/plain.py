@@ -16,7 +16,7 @@ from torch.nn.functional import normalize, pad
 from pcrdiff.diffusion.process import corrupt
 from pcrdiff.geometry.procrustes import fit_rigid
 from pcrdiff.geometry.rigid import transform
-from pcrdiff.methods.pcrdiffusion_cb import PCRDiffusionCB
+from pcrdiff.methods.pcrdiffusion_cb import LEAST_ALPHA, PCRDiffusionCB
 from pcrdiff.methods.pcrdiffusion_cf import PCRDiffusionCF
 from pcrdiff.models.attention import CrossCloudAttention
 from pcrdiff.models.losses import diffusion_loss, matching_losses, pose_loss
@@ -144,7 +144,7 @@ class PlainCB(nn.Module):
         p = p + self.pose_encoder(x_t, t).unsqueeze(1)
         alpha, beta = (each[:, None, None] for each in self.annealing(source, target))
         squares = torch.cdist(self.attention(p, q), self.attention(q, p)).square()
-        matches = plain_sinkhorn(-beta * (squares - alpha), self.iterations)
+        matches = plain_sinkhorn(-beta * (squares - alpha - LEAST_ALPHA), self.iterations)
         weights = matches.sum(dim=-1)
         matched = (matches @ target) / (weights.unsqueeze(-1) + 1e-5)
         T_estimate = fit_rigid(source, matched, weights + 1e-8)

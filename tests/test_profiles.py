@@ -133,7 +133,8 @@ def test_every_method_is_run_or_trained_on_unseen_objects(name: str) -> None:
     methods = {*params.run.diffused, *params.run.baselines}
     assert trained_on(UNSEEN_OBJECTS, params) == methods - {*MOVED}
     shipped_and_sources = {*params.run.shipped, *params.ablation.starts.sources}
-    assert {*params.run.classical, *shipped_and_sources} | methods == METHODS.keys()
+    left_out = {"trimmed_icp"} if name == "real" else set()  # over a second a pair
+    assert {*params.run.classical, *shipped_and_sources} | methods == METHODS.keys() - left_out
 
 
 def test_quick_trains_the_diffused_methods_and_what_they_are_built_on_for_every_scenario() -> None:
