@@ -50,6 +50,8 @@ SCENARIOS = {  # the order of the tables; a scenario that is not here is an extr
     "modelnet40-rpm": Place("extra", "ModelNet40, RPM-Net's protocol"),
     "modelnet40-so3": Place("extra", "ModelNet40, any rotation"),
     "modelnet40-so3_partial": Place("extra", "ModelNet40, any rotation, partial overlap"),
+    "modelnet40-meshes": Place("extra", "ModelNet40, the original meshes"),
+    "modelnet40-normal_resampled": Place("extra", "ModelNet40, points with normals"),
     "3dmatch-pairs": Place("extra", "3DMatch, overlapping fragments"),
     "kitti-pairs": Place("extra", "KITTI, overlapping scans"),
 }

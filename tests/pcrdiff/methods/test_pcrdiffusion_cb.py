@@ -42,7 +42,9 @@ def test_the_noisy_pose_and_its_time_reach_the_matches() -> None:
 
 def test_points_that_are_alike_match_however_little_the_annealing_network_grants() -> None:
     method, pairs = make_cb(), synthetic_pairs(1, 40, generator=seeded(2))
-    torch.nn.init.constant_(method.annealing.head[-1].bias, -50.0)
+    last = method.annealing.head[-1]
+    assert isinstance(last, torch.nn.Linear)
+    torch.nn.init.constant_(last.bias, -50.0)
     alpha = method.encode(pairs.source, pairs.target).alpha
     torch.testing.assert_close(alpha, torch.ones(1))
 
