@@ -25,6 +25,8 @@ NUMBERS = {
     "float": "f4", "double": "f8", "float32": "f4", "float64": "f8",
 }  # fmt: skip
 """numpy's name for each of the format's."""
+ON_EARTH = 1e9
+"""Coordinates of surveys are smaller, in metres or millimetres; bytes in another order are not."""
 FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 """numpy's byte order for each of the formats."""
 
@@ -57,8 +59,8 @@ def read_ply(path: Path) -> Cloud | Oriented:
     Raises:
         FileNotFoundError: No such file.
         ValueError: No PLY file, vertices that do not come first or lack a coordinate, fewer of
-            them than announced, or more where nothing else may follow, none at all, one that is not finite, or, in a binary file, one
-            too far away (see ``check_extent``).
+            them than announced, or more where nothing else may follow, none at all, one that is
+            not finite, or, in a binary file, one too far away (see ``check_extent``).
     """
     if not path.is_file():
         raise FileNotFoundError(f"read_ply needs a file, {path} is missing")
@@ -67,7 +69,7 @@ def read_ply(path: Path) -> Cloud | Oriented:
     if len(points) != header.count:
         raise ValueError(f"{path} needs the {header.count} points it announces, got {len(points)}")
     cloud = check_cloud(points, str(path))
-    return cloud if header.format == "ascii" else check_extent(cloud, str(path))
+    return cloud if header.format == "ascii" else check_extent(cloud, str(path), farthest=ON_EARTH)
 
 
 def _read_header(path: Path) -> Header:

@@ -53,15 +53,20 @@ def check_cloud(points: Num[np.ndarray, "..."], where: str) -> Cloud | Oriented:
     return points.astype(np.float64)
 
 
-def check_extent(cloud: Float64[np.ndarray, "points channels"], where: str) -> Cloud | Oriented:
+def check_extent(
+    cloud: Float64[np.ndarray, "points channels"],
+    where: str,
+    farthest: float = FARTHEST_COORDINATE,
+) -> Cloud | Oriented:
     """Refuse a cloud whose bytes cannot be coordinates in metres or of the unit sphere.
 
     Args:
         cloud: Points that were stored as bytes, not as text.
         where: The file, for the message.
+        farthest: What no coordinate reaches.
 
     Raises:
-        ValueError: A coordinate of ``FARTHEST_COORDINATE`` or more, or all of them below
+        ValueError: A coordinate of ``farthest`` or more, or all of them below
             ``NEAREST_COORDINATE`` though not all are 0.
     """
     largest = float(np.abs(cloud[:, :3]).max())
@@ -70,9 +75,9 @@ def check_extent(cloud: Float64[np.ndarray, "points channels"], where: str) -> C
             f"{where} needs coordinates that reach {NEAREST_COORDINATE:g}, got {largest:.3g} at "
             "most: its numbers may be of another type or byte order, or text"
         )
-    if largest >= FARTHEST_COORDINATE:
+    if largest >= farthest:
         raise ValueError(
-            f"{where} needs coordinates below {FARTHEST_COORDINATE:g}, got {largest:.3g}: its "
+            f"{where} needs coordinates below {farthest:g}, got {largest:.3g}: its "
             "numbers may be of another type or byte order"
         )
     return cloud

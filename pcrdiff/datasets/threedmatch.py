@@ -9,6 +9,7 @@ from jaxtyping import Float64
 
 from pcrdiff.clouds.number_rows import COUNT, QUOTED, Line, read_lines, read_number
 from pcrdiff.clouds.ply import read_ply
+from pcrdiff.clouds.surface import Cloud, Oriented, check_extent
 from pcrdiff.datasets.items import RawItem, RecordedPair, check_rigid
 from pcrdiff.datasets.listing import check_names, list_files, list_folders
 
@@ -39,9 +40,18 @@ def read_items(root: Path) -> list[RawItem]:
         raise FileNotFoundError(f"3DMatch needs <scene>/cloud_bin_0.ply, {root} holds no fragment")
     fragments = [(path.parent.name, path) for path in paths]
     return [
-        RawItem(f"{scene}/{path.stem}", scene, None, partial(read_ply, path), path)
+        RawItem(f"{scene}/{path.stem}", scene, None, partial(read_fragment, path), path)
         for scene, path in fragments
     ]
+
+
+def read_fragment(path: Path) -> Cloud | Oriented:
+    """Read a fragment, in metres.
+
+    Raises:
+        FileNotFoundError, ValueError: As ``read_ply``, or a point is a kilometre away.
+    """
+    return check_extent(read_ply(path), str(path))
 
 
 def _list_fragments(scene: Path) -> list[Path]:
@@ -72,10 +82,15 @@ def read_recorded_pairs(root: Path) -> list[RecordedPair]:
     check_names(folders, f".+{EVALUATION}", f"<scene>{EVALUATION}")
     if not folders:
         raise FileNotFoundError(f"3DMatch needs <scene>{EVALUATION}/gt.log, {root} holds none")
-    return [pair for folder in folders for pair in _read_log(root, folder / "gt.log")]
+    return [pair for folder in folders for pair in read_log(root, folder / "gt.log")]
 
 
-def _read_log(root: Path, path: Path) -> list[RecordedPair]:
+def read_log(root: Path, path: Path) -> list[RecordedPair]:
+    """Read the pairs of one log, whose folder is named after its scene; see ``read_recorded_pairs``.
+
+    Raises:
+        FileNotFoundError, ValueError: As there.
+    """
     if not path.is_file():
         raise FileNotFoundError(f"3DMatch needs the log {path}, which is missing")
     rows = read_lines(path)

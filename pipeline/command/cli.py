@@ -42,6 +42,8 @@ mlflow_app = typer.Typer(
 )
 app.add_typer(mlflow_app, name="mlflow")
 
+DOUBTED = 3
+"""The exit code of an answer that is not to be trusted."""
 COLOURS: "dict[Level, str]" = {"ok": "green", "warning": "yellow", "error": "red"}
 
 
@@ -154,6 +156,31 @@ def ship(
     written = [write_card(root, method, scenario)] if card else ship_weights(root, method, scenario)
     for path in written:
         typer.echo(path.relative_to(root))
+
+
+@app.command(name="register")
+def register_two(
+    source: Annotated[Path, typer.Argument(help="The cloud that moves.")],
+    target: Annotated[Path, typer.Argument(help="The cloud that stays.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the 4x4 pose here, as text.")
+    ] = None,
+    method: Annotated[
+        str, typer.Option(help="auto, or starts from features, random or diffusion alone.")
+    ] = "auto",
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    seed: Annotated[int, typer.Option(help="Of the random draws.")] = 0,
+) -> None:
+    """Find the pose that lays one cloud on the other. Exit code 0: trusted, 3: in doubt, 1: error.
+
+    Reads PLY, PCD, OFF, OBJ, STL, NPY, NPZ, XYZ, TXT, CSV and KITTI's BIN, in any unit.
+    """
+    from pipeline.command.register import register_files
+
+    lines, trusted = register_files(source, target, output, method, as_json=json, seed=seed)
+    for line in lines:
+        typer.echo(line)
+    raise typer.Exit(0 if trusted else DOUBTED)
 
 
 @app.command()

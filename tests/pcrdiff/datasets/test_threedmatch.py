@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from pcrdiff.datasets.threedmatch import read_items, read_recorded_pairs
+from pcrdiff.datasets.threedmatch import read_fragment, read_items, read_recorded_pairs
 from tests.pcrdiff.clouds.no_numbers import NO_NUMBERS
 
 SCENE = "7-scenes-redkitchen"
@@ -185,3 +185,12 @@ def test_the_recorded_poses_lay_real_fragments_onto_each_other(real_data: Path) 
     assert np.mean(unmoved) < 0.2
     assert np.mean(np.array(right) > unmoved) > 0.99
     assert (np.array(right) > inverted).all()
+
+
+def test_a_fragment_reaches_no_kilometre_its_numbers_would_be_of_another_type(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "cloud_bin_0.ply"
+    write_fragment(path, np.array([[0.0, 0, 1000], [0, 0, 1]]))
+    with pytest.raises(ValueError, match="coordinates below 1000"):
+        read_fragment(path)
