@@ -1,8 +1,8 @@
 """Registering any two clouds: their unit, extent and overlap are not known, nor is any truth.
 
-Poses of matched features are refined and verified (``pcrdiff.hypotheses``). Where they convince
-nobody, random rotations and samples of the moved CB that ships join them, as two clouds of one
-object need. How likely an answer is right was learned from pairs whose truth is known.
+Poses of matched features are refined and verified (``pcrdiff.hypotheses``). Where their answer is
+in doubt, random rotations and samples of the moved CB that ships join them, which help with two
+clouds of one object. How likely an answer is right was learned from pairs whose truth is known.
 """
 
 import json
@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -31,12 +31,11 @@ from pcrdiff.hypotheses import Refinement, Search, Starts, Verified
 from pcrdiff.methods.pcrdiffusion_cb_moved import PCRDiffusionCBMoved
 from pcrdiff.models.refined_walks import RefinedWalks
 from pcrdiff.registration import EVIDENCE as FIT
-from pcrdiff.registration import check_clouds
 from pcrdiff.verdict import Verdict
 
 Points = Float64[np.ndarray, "_ 3"]
 Pose = Float64[np.ndarray, "4 4"]
-Source = Literal["features", "random", "diffusion"]
+Kind = Literal["features", "random", "diffusion"]
 """Where start poses come from."""
 Choice = Literal["auto", "features", "random", "diffusion"]
 
@@ -58,7 +57,7 @@ EVIDENCE = (*FIT, "support", "supporting")
 """Beside how well an answer fits: the logarithm of the number of matches that support it, and their
 share."""
 STARTS = {"features": 8, "random": 64, "diffusion": 8}
-LADDER: dict[Choice, tuple[tuple[Source, ...], ...]] = {
+LADDER: dict[str, tuple[tuple[Kind, ...], ...]] = {
     "auto": (("features",), ("features", "random", "diffusion")),
     "features": (("features",),),
     "random": (("random",),),
@@ -92,7 +91,8 @@ class Prepared:
         """Clouds in any frame and unit.
 
         Raises:
-            ValueError: A cloud lies in one place, or has fewer than three places.
+            ValueError: A cloud lies in one place, or has too few points, or is far smaller than
+                the other.
         """
         self.means = source.mean(axis=0), target.mean(axis=0)
         clouds = [cloud - mean for cloud, mean in zip((source, target), self.means, strict=True)]
@@ -101,12 +101,11 @@ class Prepared:
             raise ValueError("register needs clouds with an extent, got points in one place")
         self.voxel, thinned = _thin([cloud / self.unit for cloud in clouds])
         self.source, self.target = (torch.from_numpy(cloud) for cloud in thinned)
-        check_clouds("register", self.source.unsqueeze(0), self.target.unsqueeze(0))
 
-    def propose(self, where: Source, *, generator: torch.Generator) -> Starts:
+    def propose(self, kind: Kind, *, generator: torch.Generator) -> Starts:
         """Start poses of one kind."""
-        count = STARTS[where]
-        match where:
+        count = STARTS[kind]
+        match kind:
             case "features":
                 return self._match(count)
             case "random":  # a normal vector of four entries has no preferred direction
@@ -166,29 +165,53 @@ class Prepared:
         return self.unit * float(np.sqrt(np.square(near).mean()))
 
 
-def register_arrays(source: Points, target: Points, method: Choice, seed: int) -> Registration:
-    """Register two arrays; see :func:`pcrdiff.register`."""
+def register_arrays(source: Points, target: Points, method: str, seed: int) -> Registration:
+    """Register two arrays; see :func:`pcrdiff.register`.
+
+    Raises:
+        ValueError: There is no such method, or as there.
+    """
+    if method not in LADDER:
+        raise ValueError(f"register needs a method among {', '.join(LADDER)}, got {method!r}")
     began, generator = time.perf_counter(), torch.Generator().manual_seed(seed)
-    clouds = Prepared(source, target)
-    for sources in LADDER[method]:
-        found = search(clouds, sources, generator=generator)
-        verdict = verdicts()[" + ".join(sources)]
-        probability = verdict.probability(clouds.evidence(found)[None])
-        trusted = bool(np.all(verdict.trusts(probability)))
-        if trusted:
+    clouds, answer, failure = Prepared(source, target), None, None
+    for kinds in LADDER[method]:
+        try:
+            answer = _weighed(clouds, kinds, generator=generator)
+        except ValueError as error:  # these starts lead nowhere, further ones may
+            failure = error
+        if answer and answer.trusted:
             break
+    if answer is None:
+        raise failure or ValueError("register found no pose")
     return Registration(
-        clouds.outside(found.T_target_source),
-        "trust" if trusted else "doubt",
-        float(probability.item()),
-        found.overlap,
-        clouds.rmse(found.T_target_source),
-        " + ".join(sources),
+        clouds.outside(answer.found.T_target_source),
+        "trust" if answer.trusted else "doubt",
+        answer.probability,
+        answer.found.overlap,
+        clouds.rmse(answer.found.T_target_source),
+        answer.kinds,
         time.perf_counter() - began,
     )
 
 
-def search(clouds: Prepared, sources: Sequence[Source], *, generator: torch.Generator) -> Verified:
+class _Answer(NamedTuple):
+    """The best fit from some kinds of starts, and how far to trust it."""
+
+    kinds: str
+    found: Verified
+    probability: float
+    trusted: bool
+
+
+def _weighed(clouds: Prepared, kinds: Sequence[Kind], *, generator: torch.Generator) -> _Answer:
+    found, name = search(clouds, kinds, generator=generator), " + ".join(kinds)
+    probability = verdicts()[name].probability(clouds.evidence(found)[None])
+    trusted = bool(verdicts()[name].trusts(probability).all())
+    return _Answer(name, found, float(probability.item()), trusted)
+
+
+def search(clouds: Prepared, sources: Sequence[Kind], *, generator: torch.Generator) -> Verified:
     """Refine and verify the start poses of several kinds together.
 
     Raises:
@@ -208,14 +231,30 @@ def _thin(clouds: Sequence[Points]) -> tuple[float, list[Points]]:
 
     At least the distance between points, of which the features need several within their radius.
     """
-    clouds = [_on_voxels(cloud, FINEST) for cloud in clouds]
+    clouds = _checked([_on_voxels(cloud, FINEST) for cloud in clouds])
     spacing = max(float(np.median(_to_neighbour(cloud))) for cloud in clouds)
     low, high = max(FINEST, SPACING * spacing), 0.5
     for _ in range(7):
         middle = float(np.sqrt(low * high))
         many = max(len(_on_voxels(cloud, middle)) for cloud in clouds) > POINTS
         low, high = (middle, high) if many else (low, middle)
-    return high, [_on_voxels(cloud, high) for cloud in clouds]
+    return high, _checked([_on_voxels(cloud, high) for cloud in clouds])
+
+
+def _checked(clouds: list[Points]) -> list[Points]:
+    """Refuse clouds that fill too few voxels.
+
+    Raises:
+        ValueError: One of them does.
+    """
+    least = PCRDiffusionCBMoved.least_points
+    for name, cloud in zip(("source", "target"), clouds, strict=True):
+        if len(cloud) < least:
+            raise ValueError(
+                f"register needs clouds of {least} distinct points, the {name} cloud has "
+                f"{len(cloud)}: it is too sparse, or far smaller than the other"
+            )
+    return clouds
 
 
 def _to_neighbour(cloud: Points) -> Float64[np.ndarray, " _"]:

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float64
@@ -88,8 +89,12 @@ def _announced(path: Path) -> int:
     if not found or not fields.get("POINTS", "").strip().isdigit():
         raise ValueError(f"{path} needs to be a PCD file with the lines `POINTS` and `DATA`")
     count, (kind, _, body) = int(fields["POINTS"]), data.partition(b"\n")
-    widths = zip(fields["SIZE"].split(), fields["COUNT"].split(), strict=True)
-    size = sum(int(width) * int(times) for width, times in widths)
+    try:
+        widths = [int(width) for width in fields["SIZE"].split()]
+        times = [int(each) for each in fields.get("COUNT", "1 " * len(widths)).split()]
+        size = sum(width * each for width, each in zip(widths, times, strict=True))
+    except (KeyError, ValueError) as error:
+        raise ValueError(f"{path} needs the line `SIZE` with a number for each field") from error
     if kind.strip() == b"binary" and len(body) < count * size:
         raise ValueError(
             f"{path} needs the {count} points of {size} bytes it announces, it ends after "
@@ -103,7 +108,7 @@ def _read_array(path: Path) -> Float64[np.ndarray, "n 3"]:
     try:
         found = np.load(path, allow_pickle=False)
         arrays = dict(found) if path.suffix.lower() == ".npz" else {"": found}
-    except (ValueError, OSError, EOFError) as error:
+    except (ValueError, OSError, EOFError, BadZipFile) as error:
         raise ValueError(f"{path} needs to be an array that NumPy saved: {error}") from error
     if len(arrays) != 1:
         raise ValueError(f"{path} needs one array, got {', '.join(arrays) or 'none'}")

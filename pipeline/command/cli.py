@@ -169,7 +169,7 @@ def register_two(
         str, typer.Option(help="auto, or starts from features, random or diffusion alone.")
     ] = "auto",
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
-    seed: Annotated[int, typer.Option(help="Of the random draws.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Of the random draws.")] = 0,
 ) -> None:
     """Find the pose that lays one cloud on the other. Exit code 0: trusted, 3: in doubt, 1: error.
 

@@ -111,14 +111,32 @@ def test_tensors_wide_arrays_and_files_are_clouds(tmp_path: Path) -> None:
         (np.zeros((5, 2)), r"the source cloud needs numbers as \[n, 3\]"),
         (np.array([["a", "b", "c"]]), "the source cloud needs numbers"),
         (np.full((5, 3), np.nan), "the source cloud needs finite coordinates"),
-        (np.ones((5, 3)), "distinct points"),
-        (np.arange(6.0).reshape(2, 3), "at least 3 distinct points"),
+        (np.ones((50, 3)), "distinct points, the source cloud has 1"),
+        (np.arange(6.0).reshape(2, 3), "distinct points, the source cloud has 2"),
     ],
 )
 def test_what_is_no_cloud_is_refused(source: np.ndarray, message: str) -> None:
     _, target, _ = crops()
     with pytest.raises(ValueError, match=message):
         pcrdiff.register(source, target)
+
+
+def test_where_no_feature_matches_the_other_starts_are_tried(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("pcrdiff.any_clouds.LEAST_MATCHES", 10**6)
+    source, target, T = crops()
+    found = pcrdiff.register(source, target)
+    assert found.method == "features + random + diffusion"
+    assert off(found.T_target_source, T, source) < 0.1
+    with pytest.raises(ValueError, match="needs features that match"):
+        pcrdiff.register(source, target, method="features")
+
+
+def test_a_cloud_far_smaller_than_the_other_is_refused() -> None:
+    source, target, _ = crops()
+    with pytest.raises(ValueError, match=r"the target cloud has .* far smaller than the other"):
+        pcrdiff.register(source, target / 1000)
 
 
 def test_large_clouds_are_thinned_to_what_their_voxels_hold() -> None:

@@ -82,6 +82,8 @@ BROKEN: dict[str, tuple[bytes, str]] = {
     "array.npy": (b"no array", "needs to be an array that NumPy saved"),
     "nan.csv": (b"x,y,z\n1,2,nan\n", "finite numbers"),
     "cloud.pcd": (b"# .PCD v0.7\nFIELDS x\n", "PCD file"),
+    "sizes.pcd": (b"# .PCD v0.7\nPOINTS 1\nDATA ascii\n1 2 3\n", "the line `SIZE`"),
+    "archive.npz": (b"PK no archive", "NumPy saved"),
     "mesh.obj": (b"not a mesh", r"needs points as \[n, 3\]"),
 }
 

@@ -55,7 +55,7 @@ def test_a_doubted_pose_has_an_exit_code_of_its_own(files: tuple[str, str], tmp_
     ("words", "message"),
     [
         (["none.ply"], "none.ply, there is no such file"),
-        (["--method", "icp"], "--method needs one of auto, features, random, diffusion, got 'icp'"),
+        (["--method", "icp"], "a method among auto, features, random, diffusion, got 'icp'"),
     ],
 )
 def test_what_is_wrong_is_one_sentence_and_nothing_is_written(
