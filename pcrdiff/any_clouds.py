@@ -211,7 +211,7 @@ def _weighed(clouds: Prepared, kinds: Sequence[Kind], *, generator: torch.Genera
     return _Answer(name, found, float(probability.item()), trusted)
 
 
-def search(clouds: Prepared, sources: Sequence[Kind], *, generator: torch.Generator) -> Verified:
+def search(clouds: Prepared, kinds: Sequence[Kind], *, generator: torch.Generator) -> Verified:
     """Refine and verify the start poses of several kinds together.
 
     Raises:
@@ -219,7 +219,7 @@ def search(clouds: Prepared, sources: Sequence[Kind], *, generator: torch.Genera
             not fix it.
     """
     with torch.no_grad():
-        starts = torch.cat([clouds.propose(each, generator=generator) for each in sources])
+        starts = torch.cat([clouds.propose(each, generator=generator) for each in kinds])
     if len(starts) == 0:
         raise ValueError("register needs features that match, the clouds have none")
     found = Search(starts, clouds.source, clouds.target, clouds.refinement)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from pcrdiff.bindings.open3d import open3d
-from pcrdiff.clouds.number_rows import read_lines, read_rows
+from pcrdiff.clouds.number_rows import read_rows, split_lines, without_comments
 from pcrdiff.clouds.off import read_off
 from pcrdiff.clouds.ply import read_ply
 from pcrdiff.clouds.surface import Cloud, Mesh, check_cloud, sample_points
@@ -52,11 +52,16 @@ def as_points(cloud: Any, who: str) -> Cloud:  # noqa: ANN401
     """
     if isinstance(cloud, str | os.PathLike):
         return read_any(Path(cloud))
-    points = np.asarray(cloud.detach().cpu() if hasattr(cloud, "detach") else cloud)
-    if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind not in "fiu":
-        shown = f"{points.dtype} {list(points.shape)}"
-        raise ValueError(f"the {who} cloud needs numbers as [n, 3] or wider, got {shown}")
-    return check_cloud(points[:, :3], f"the {who} cloud")
+    array = np.asarray(cloud.detach().cpu() if hasattr(cloud, "detach") else cloud)
+    return check_cloud(_coordinates(array, f"the {who} cloud"), f"the {who} cloud")
+
+
+def _coordinates(array: np.ndarray, where: str) -> Float64[np.ndarray, "n 3"]:
+    """The first three columns of an array of numbers, in float64; ``where`` is for the message."""
+    if array.ndim != 2 or array.shape[1] < 3 or array.dtype.kind not in "fiu":
+        shown = f"{array.dtype} {list(array.shape)}"
+        raise ValueError(f"{where} needs numbers as [n, 3] or wider, got {shown}")
+    return np.asarray(array[:, :3], np.float64)
 
 
 def _read_mesh(path: Path) -> Float64[np.ndarray, "n 3"]:
@@ -112,15 +117,12 @@ def _read_array(path: Path) -> Float64[np.ndarray, "n 3"]:
         raise ValueError(f"{path} needs to be an array that NumPy saved: {error}") from error
     if len(arrays) != 1:
         raise ValueError(f"{path} needs one array, got {', '.join(arrays) or 'none'}")
-    (points,) = arrays.values()
-    if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind not in "fiu":
-        shown = f"{points.dtype} {list(points.shape)}"
-        raise ValueError(f"{path} needs numbers as [n, 3] or with more columns, got {shown}")
-    return np.asarray(points[:, :3], np.float64)
+    (array,) = arrays.values()
+    return _coordinates(array, str(path))
 
 
 def _read_text(path: Path) -> Float64[np.ndarray, "n 3"]:
-    lines = [line for line in read_lines(path) if not line.text.lstrip().startswith("#")]
+    lines = split_lines(without_comments(path.read_bytes()), path)
     if not lines:
         return np.zeros((0, 3))
     separator = next(each for each in SEPARATORS if each is None or each in lines[0].text)
